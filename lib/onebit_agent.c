@@ -1,0 +1,249 @@
+/*
+ * The agent of onebit.h, one text for all arithmetics: configuration check, encoder, receiver,
+ * controller, clock. Touches nothing but its arguments.
+ */
+#include "onebit.h"
+
+#include "onebit_estimator.h"
+
+#include <stddef.h>
+
+#define RATIO_LIMIT ONEBIT_REAL(4.0) /* of |threshold| + bound */
+#define ESTIMATOR_GAIN_LIMIT 65536u  /* noise units; the fixed-point gain's exponent from -1 */
+#define STALE_FROM 64u               /* step errors 64..127 are behind the clock */
+
+/*
+ * Shifts of the fixed-point dot products: from the product's fraction bits to the result's. The
+ * floating arithmetics have no formats and ignore them.
+ */
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+#define NOISE_FRACTION_BITS 27
+#define COMPRESSION_SHIFT(config)                                                                  \
+    ((config)->fraction_bits.compression + (config)->fraction_bits.state - NOISE_FRACTION_BITS)
+#define STABILIZING_SHIFT(config)                                                                  \
+    ((config)->fraction_bits.stabilizing + (config)->fraction_bits.state -                         \
+     (config)->fraction_bits.control)
+#define CONSENSUS_SHIFT(config) (NOISE_FRACTION_BITS - (config)->fraction_bits.control)
+
+static bool formats_valid(const onebit_config *config)
+{
+    /* Through uint8_t a negative number is above every limit. */
+    return (uint8_t)config->fraction_bits.stabilizing <= 46 &&
+           (uint8_t)config->fraction_bits.compression <= 46 &&
+           (uint8_t)config->fraction_bits.state <= 31 &&
+           (uint8_t)config->fraction_bits.control <= 31;
+}
+#else
+#define COMPRESSION_SHIFT(config) 0
+#define STABILIZING_SHIFT(config) 0
+#define CONSENSUS_SHIFT(config) 0
+
+static bool formats_valid(const onebit_config *config)
+{
+    (void)config;
+    return true;
+}
+#endif
+
+onebit_status onebit_check(const onebit_config *config)
+{
+    if (config == NULL || config->neighbours == NULL || config->stabilizing == NULL ||
+        config->compression == NULL) {
+        return ONEBIT_NULL;
+    }
+    if (config->agent == 0) {
+        return ONEBIT_CONFIG_AGENT;
+    }
+    if (config->neighbour_count == 0 || config->neighbour_count > ONEBIT_NEIGHBOURS_MAX) {
+        return ONEBIT_CONFIG_NEIGHBOURS;
+    }
+    uint32_t previous = 0;
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        if (config->neighbours[k] <= previous || config->neighbours[k] == config->agent) {
+            return ONEBIT_CONFIG_NEIGHBOURS;
+        }
+        previous = config->neighbours[k];
+    }
+    if (config->state_count == 0 || config->state_count > ONEBIT_STATES_MAX) {
+        return ONEBIT_CONFIG_STATES;
+    }
+    if (!formats_valid(config)) {
+        return ONEBIT_CONFIG_FRACTION_BITS;
+    }
+    if (!onebit_row_valid(config->stabilizing, config->state_count)) {
+        return ONEBIT_CONFIG_STABILIZING;
+    }
+    if (!onebit_row_valid(config->compression, config->state_count)) {
+        return ONEBIT_CONFIG_COMPRESSION;
+    }
+    /* Written so that a NaN is refused. */
+    if (!(config->threshold < RATIO_LIMIT && config->threshold > -RATIO_LIMIT)) {
+        return ONEBIT_CONFIG_THRESHOLD;
+    }
+    onebit_real distance = config->threshold < 0 ? -config->threshold : config->threshold;
+    if (!(config->bound > 0 && config->bound <= RATIO_LIMIT - distance)) {
+        return ONEBIT_CONFIG_BOUND;
+    }
+    if (!onebit_coefficient_valid(config->estimator_gain, ESTIMATOR_GAIN_LIMIT)) {
+        return ONEBIT_CONFIG_ESTIMATOR_GAIN;
+    }
+    if (!onebit_coefficient_valid(config->control_gain, 0)) {
+        return ONEBIT_CONFIG_CONTROL_GAIN;
+    }
+    if (config->start == 0 || config->start == UINT32_MAX) {
+        return ONEBIT_CONFIG_START;
+    }
+    return onebit_frame_agent_limit(&config->format) == 0 ? ONEBIT_CONFIG_FORMAT : ONEBIT_OK;
+}
+
+/* The step begins: nothing heard, the gain of its clock. */
+static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_t clock)
+{
+    agent->clock = clock;
+    agent->heard = 0;
+    agent->gain = onebit_gain_at(config->estimator_gain, clock);
+}
+
+/* After 2^32 - 1 the clock returns to 2^32 - 128: residues run on, gains stay where they are. */
+static uint32_t wrapped(uint64_t clock)
+{
+    return clock <= UINT32_MAX
+               ? (uint32_t)clock
+               : UINT32_MAX - (ONEBIT_STEP_MODULUS - 1u) + (uint32_t)(clock % ONEBIT_STEP_MODULUS);
+}
+
+onebit_status onebit_start(const onebit_config *config, onebit_agent *agent, onebit_link *links,
+                           const onebit_real *estimates)
+{
+    onebit_status status = onebit_check(config);
+    if (status != ONEBIT_OK) {
+        return status;
+    }
+    if (agent == NULL || links == NULL) {
+        return ONEBIT_NULL;
+    }
+    for (unsigned k = 0; estimates != NULL && k < config->neighbour_count; ++k) {
+        if (!(estimates[k] <= config->bound && estimates[k] >= -config->bound)) {
+            return ONEBIT_ESTIMATE;
+        }
+    }
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        links[k].estimate = estimates != NULL ? estimates[k] : 0;
+        links[k].carry = 0;
+    }
+    agent->links = links;
+    for (unsigned k = 0; k < ONEBIT_REFUSALS; ++k) {
+        agent->refused[k] = 0;
+    }
+    begin_step(config, agent, config->start + 1u);
+    return ONEBIT_OK;
+}
+
+/* K2 x / sigma. */
+static onebit_real compressed(const onebit_config *config, const onebit_real *x)
+{
+    return onebit_dot(config->compression, x, config->state_count, COMPRESSION_SHIFT(config));
+}
+
+onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, uint32_t word,
+                            bool *bit)
+{
+    if (config == NULL || x == NULL || bit == NULL) {
+        return ONEBIT_NULL;
+    }
+    onebit_real z = compressed(config, x);
+    if (!onebit_finite(z)) {
+        return ONEBIT_STATE;
+    }
+    onebit_real u = onebit_difference(config->threshold, z);
+    *bit = (onebit_probability)(word >> 1) < onebit_distribution(u);
+    return ONEBIT_OK;
+}
+
+static onebit_status refuse(onebit_agent *agent, onebit_status status)
+{
+    uint16_t *counter = &agent->refused[status - ONEBIT_UNKNOWN];
+    if (*counter != UINT16_MAX) {
+        ++*counter;
+    }
+    return status;
+}
+
+onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *agent,
+                                     const onebit_message *message)
+{
+    if (config == NULL || agent == NULL || message == NULL) {
+        return ONEBIT_NULL;
+    }
+    if (config->format.mode == ONEBIT_LINK && message->receiver != config->agent) {
+        return refuse(agent, ONEBIT_UNKNOWN);
+    }
+    /* Ascending numbers: the search ends at the first that is not below the sender. */
+    unsigned k = 0;
+    while (k < config->neighbour_count && config->neighbours[k] < message->sender) {
+        ++k;
+    }
+    if (k == config->neighbour_count || config->neighbours[k] != message->sender) {
+        return refuse(agent, ONEBIT_UNKNOWN);
+    }
+    uint32_t error = message->has_step ? (message->step - agent->clock) % ONEBIT_STEP_MODULUS : 0;
+    if (error != 0) {
+        return refuse(agent, error >= STALE_FROM ? ONEBIT_STALE : ONEBIT_EARLY);
+    }
+    if (agent->heard >> k & 1u) {
+        return refuse(agent, ONEBIT_REPEATED);
+    }
+    agent->heard |= (uint32_t)1 << k;
+    onebit_estimate(&agent->links[k], agent->gain, config->threshold, config->bound, message->bit);
+    return ONEBIT_OK;
+}
+
+onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
+                             const onebit_frame *frame)
+{
+    if (config == NULL || agent == NULL || frame == NULL) {
+        return ONEBIT_NULL;
+    }
+    onebit_message message;
+    onebit_status status = onebit_frame_decode(&config->format, frame, &message);
+    return status == ONEBIT_OK ? onebit_receive_message(config, agent, &message)
+                               : refuse(agent, status);
+}
+
+onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
+                             onebit_real *u)
+{
+    if (config == NULL || agent == NULL || x == NULL || u == NULL) {
+        return ONEBIT_NULL;
+    }
+    onebit_real z = compressed(config, x);
+    onebit_real stabilizing =
+        onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
+    if (!onebit_finite(z) || !onebit_finite(stabilizing)) {
+        return ONEBIT_STATE;
+    }
+    onebit_sum sum = 0;
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        if (agent->heard >> k & 1u) {
+            sum += (onebit_sum)agent->links[k].estimate - z;
+        }
+    }
+    uint32_t next = agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
+    *u = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next), sum,
+                        CONSENSUS_SHIFT(config));
+    begin_step(config, agent, wrapped((uint64_t)agent->clock + 1u));
+    return ONEBIT_OK;
+}
+
+onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
+{
+    if (config == NULL || agent == NULL) {
+        return ONEBIT_NULL;
+    }
+    int64_t clock = (int64_t)agent->clock + steps;
+    if (clock <= (int64_t)config->start) {
+        return ONEBIT_CLOCK;
+    }
+    begin_step(config, agent, wrapped((uint64_t)clock));
+    return ONEBIT_OK;
+}

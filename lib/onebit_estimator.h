@@ -1,0 +1,36 @@
+/*
+ * The projected recursive estimator of one neighbour's compressed state (paper, equation for
+ * zhat_ij(t) in Algorithm 1, step 2.1), in units of the noise: one text for all arithmetics.
+ */
+#ifndef ONEBIT_ESTIMATOR_H
+#define ONEBIT_ESTIMATOR_H
+
+#include "onebit_arithmetic.h"
+
+/*
+ * Projection on [-bound, bound]; nearest point, so it never widens a distance. It clears the carry:
+ * what was rounded away belongs to a place that has been left.
+ */
+static inline void onebit_project(onebit_link *link, onebit_real bound)
+{
+    if (link->estimate > bound) {
+        link->estimate = bound;
+        link->carry = 0;
+    } else if (link->estimate < -bound) {
+        link->estimate = -bound;
+        link->carry = 0;
+    }
+}
+
+/*
+ * zhat(t) = project(zhat(t-1) + gain (F(threshold - zhat(t-1)) - bit)), gain = (beta/sigma)/t.
+ * |threshold| + bound <= 4 and |zhat| <= bound (onebit_check, onebit_start). Reentrant; one CDF.
+ */
+static inline void onebit_estimate(onebit_link *link, onebit_gain gain, onebit_real threshold,
+                                   onebit_real bound, bool bit)
+{
+    onebit_accumulate(link, gain, onebit_innovation(threshold - link->estimate, bit));
+    onebit_project(link, bound);
+}
+
+#endif

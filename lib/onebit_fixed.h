@@ -1,0 +1,220 @@
+/*
+ * The primitives of q31; the same names for f64 and f32 stand in onebit_floating.h. Included by
+ * onebit_arithmetic.h only. Everything in units of the noise (estimates, threshold, bound, K2 x) is
+ * Q4.27. No operation overflows or shifts by an undefined amount, whatever its input; each says
+ * why. Signed values are shifted right arithmetically, as every compiler for two's complement does.
+ */
+#ifndef ONEBIT_FIXED_H
+#define ONEBIT_FIXED_H
+
+#include "onebit_cdf.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef int32_t onebit_real;
+#define ONEBIT_REAL(number) ((onebit_real)((number)*134217728.0)) /* into Q4.27 */
+
+/* A positive constant with its own format: value * 2^-fraction_bits. */
+typedef struct onebit_coefficient {
+    uint32_t value;
+    int8_t fraction_bits; /* -16..62 */
+} onebit_coefficient;
+
+/* A coefficient over t: mantissa * 2^-exponent, 2^15 <= mantissa < 2^16. */
+typedef struct onebit_gain {
+    uint16_t mantissa;
+    int16_t exponent;
+} onebit_gain;
+
+typedef int64_t onebit_sum;
+typedef uint32_t onebit_probability; /* Q0.31 */
+
+/*
+ * One neighbour's estimate in Q4.27, and in `carry` the 31 bits that follow it: together Q4.58.
+ * Without them a step that shrinks as 1/t meets rounding that does not, and the estimate drifts.
+ */
+typedef struct onebit_link {
+    int32_t estimate;
+    uint32_t carry; /* below 2^31 */
+} onebit_link;
+
+static inline onebit_probability onebit_distribution(onebit_real u)
+{
+    return onebit_cdf(u);
+}
+
+/* F(u) - bit in Q0.31; 1 <= F <= 2^31 - 1 keeps it within +-(2^31 - 1). */
+static inline int32_t onebit_innovation(onebit_real u, bool bit)
+{
+    int32_t probability = (int32_t)onebit_distribution(u);
+    return bit ? probability - INT32_MAX - 1 : probability;
+}
+
+static inline bool onebit_finite(onebit_real value)
+{
+    (void)value;
+    return true;
+}
+
+static inline int32_t onebit_saturate(int64_t value)
+{
+    if (value > INT32_MAX) {
+        return INT32_MAX;
+    }
+    return value < INT32_MIN ? INT32_MIN : (int32_t)value;
+}
+
+/* value * 2^-shift to the nearest, saturated; |value| <= 2^62, any shift. */
+static inline int32_t onebit_rescale(int64_t value, int shift)
+{
+    if (shift > 0) {
+        /* Rounding adds at most 2^61. */
+        return shift > 62 ? 0 : onebit_saturate((value + ((int64_t)1 << (shift - 1))) >> shift);
+    }
+    if (shift < -31) {
+        shift = -31; /* any other number than 0 saturates from here on */
+    }
+    /* Saturated before it is scaled: the product then stays within 2^62. */
+    return onebit_saturate((int64_t)onebit_saturate(value) * ((int64_t)1 << -shift));
+}
+
+static inline int32_t onebit_difference(onebit_real minuend, onebit_real subtrahend)
+{
+    return onebit_saturate((int64_t)minuend - subtrahend);
+}
+
+/* Places that bring the highest set bit of a non-zero word to bit 31. */
+static inline unsigned onebit_leading_zeros(uint32_t word)
+{
+    unsigned places = 0;
+    for (unsigned step = 16; step != 0; step >>= 1) {
+        if (word < ((uint32_t)1 << (32u - step))) {
+            word <<= step;
+            places += step;
+        }
+    }
+    return places;
+}
+
+/* In (0, limit]; a limit of 0 is none. */
+static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint32_t limit)
+{
+    int bits = coefficient.fraction_bits;
+    if (coefficient.value == 0 || bits < -16 || bits > 62) {
+        return false;
+    }
+    if (limit == 0) {
+        return true;
+    }
+    return bits < 0 ? ((uint64_t)coefficient.value << -bits) <= limit
+                    : (bits > 31 || coefficient.value <= ((uint64_t)limit << bits));
+}
+
+/* A row is valid when its entries' magnitudes add to less than 2^31: see onebit_dot. */
+static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
+{
+    int64_t sum = 0;
+    for (unsigned k = 0; k < count; ++k) {
+        sum += row[k] < 0 ? -(int64_t)row[k] : row[k];
+    }
+    return sum <= INT32_MAX;
+}
+
+/*
+ * coefficient / t, t > 0, correctly rounded to 16 bits (relative error at most 2^-16). Long
+ * division by shifting, 17 rounds: exact, and needs no division routine.
+ */
+static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+{
+    unsigned dividend_places = onebit_leading_zeros(coefficient.value);
+    unsigned divisor_places = onebit_leading_zeros(t);
+    uint32_t rest = coefficient.value << dividend_places;
+    uint32_t divisor = t << divisor_places;
+    int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places;
+
+    /* Both are in [2^31, 2^32): the first quotient bit is set here, or the next one surely is. */
+    uint32_t quotient = 1;
+    if (rest >= divisor) {
+        rest -= divisor;
+    } else {
+        rest = (rest << 1) - divisor; /* 2 rest - divisor < divisor: the wrap is undone */
+        ++exponent;
+    }
+    for (int round = 0; round < 16; ++round) {
+        bool wraps = (rest >> 31) != 0;
+        rest <<= 1;
+        quotient <<= 1;
+        if (wraps || rest >= divisor) {
+            rest -= divisor;
+            quotient |= 1u;
+        }
+    }
+    /* 17 bits: the last one rounds. */
+    quotient = (quotient + 1u) >> 1;
+    if (quotient == 0x10000u) {
+        quotient = 0x8000u;
+        --exponent;
+    }
+    onebit_gain gain = {(uint16_t)quotient, (int16_t)exponent};
+    return gain;
+}
+
+/*
+ * estimate += gain * innovation, exact to 2^-58 as long as the gain is at least 2^-43. |estimate|
+ * <= 2^29 (the bound with the threshold is at most 4). A step beyond 8 units of noise saturates
+ * there: twice the largest bound, so that the projection still finds it outside or 2^-27 beside it.
+ */
+static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_t innovation)
+{
+    /* innovation * mantissa / 2^16 by halves: |upper| <= 2^15, so each product fits 32 bits. */
+    int32_t product = (innovation >> 16) * (int32_t)gain.mantissa +
+                      (int32_t)((((uint32_t)innovation & 0xFFFFu) * gain.mantissa) >> 16);
+
+    /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^shift. */
+    int shift = gain.exponent - 12;
+    if (shift < 1) {
+        /* Gains up to 2^16 (onebit_check) have exponents from -1, so 1 - shift is at most 14. */
+        int32_t limit = INT32_MAX >> (1 - shift);
+        if (product > limit || product < -limit) {
+            product = product < 0 ? -INT32_MAX : INT32_MAX;
+        } else {
+            product *= (int32_t)1 << (1 - shift);
+        }
+        shift = 1;
+    } else if (shift > 31) {
+        product >>= shift > 62 ? 31 : shift - 31;
+        shift = 31;
+    }
+    /* carry and fraction are below 2^31 each; |product >> 1| <= 2^30 added to 2^29 fits. */
+    uint32_t carry = link->carry + (((uint32_t)product << (31 - shift)) & 0x7FFFFFFFu);
+    link->estimate += (product >> shift) + (int32_t)(carry >> 31);
+    link->carry = carry & 0x7FFFFFFFu;
+}
+
+/*
+ * row x * 2^-shift to the nearest, saturated. The row's magnitudes add to less than 2^31
+ * (onebit_row_valid), so the sum stays within 2^62 for any x.
+ */
+static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *x, unsigned count,
+                                     int shift)
+{
+    int64_t sum = 0;
+    for (unsigned k = 0; k < count; ++k) {
+        sum += (int64_t)row[k] * x[k];
+    }
+    return onebit_rescale(sum, shift);
+}
+
+/*
+ * stabilizing + gain * sum * 2^-shift, each rounded to the nearest, saturated. |sum| < 2^37 (32
+ * neighbours, each within 2^29 + 2^31), times 16 bits of mantissa: below 2^53.
+ */
+static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain gain, onebit_sum sum,
+                                         int shift)
+{
+    return onebit_saturate((int64_t)stabilizing +
+                           onebit_rescale(sum * gain.mantissa, gain.exponent + shift));
+}
+
+#endif

@@ -1,0 +1,138 @@
+/*
+ * The primitives of f64 and f32; the same names for q31 stand in onebit_fixed.h. Included by
+ * onebit_arithmetic.h only. Compile with -ffp-contract=off: a fused multiply-add would make the
+ * carry below wrong, and results differ between processors that have one and those that have not.
+ */
+#ifndef ONEBIT_FLOATING_H
+#define ONEBIT_FLOATING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#if ONEBIT_ARITHMETIC == ONEBIT_F64
+#include <math.h>
+typedef double onebit_real;
+#define ONEBIT_REAL(number) number
+#else
+#include "onebit_cdf.h"
+typedef float onebit_real;
+#define ONEBIT_REAL(number) number##f
+#endif
+
+typedef onebit_real onebit_coefficient; /* beta / sigma, gamma sigma */
+typedef onebit_real onebit_gain;        /* a coefficient over t */
+typedef onebit_real onebit_sum;         /* of differences between estimates */
+
+/* One neighbour's estimate, in units of the noise, and what rounding has kept from it so far. */
+typedef struct onebit_link {
+    onebit_real estimate;
+    onebit_real carry;
+} onebit_link;
+
+#if ONEBIT_ARITHMETIC == ONEBIT_F64
+
+/* F(u) times 2^31. */
+typedef double onebit_probability;
+
+static inline onebit_probability onebit_distribution(onebit_real u)
+{
+    return 1073741824.0 * erfc(-u * 0.70710678118654752440);
+}
+
+/* F(u) - bit. */
+static inline onebit_real onebit_innovation(onebit_real u, bool bit)
+{
+    return onebit_distribution(u) * 0x1p-31 - (bit ? 1.0 : 0.0);
+}
+
+#else
+
+typedef uint32_t onebit_probability;
+
+static inline onebit_probability onebit_distribution(onebit_real u)
+{
+    /* 15.99 is far beyond the table's end and, times 2^27, within int32_t. A NaN ends there too. */
+    if (!(u < 15.99f)) {
+        u = 15.99f;
+    } else if (u < -15.99f) {
+        u = -15.99f;
+    }
+    return onebit_cdf((int32_t)(u * 0x1p27f));
+}
+
+static inline onebit_real onebit_innovation(onebit_real u, bool bit)
+{
+    /* Subtracted as integers: near F = 1 a float has no digits left for F - 1. */
+    int32_t probability = (int32_t)onebit_distribution(u);
+    return (onebit_real)(bit ? probability - INT32_MAX - 1 : probability) * 0x1p-31f;
+}
+
+#endif
+
+/* Infinities and NaN minus themselves are NaN. */
+static inline bool onebit_finite(onebit_real value)
+{
+    return value - value == 0;
+}
+
+/* In (0, limit]; a limit of 0 is none. */
+static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint32_t limit)
+{
+    return onebit_finite(coefficient) && coefficient > 0 &&
+           (limit == 0 || coefficient <= (onebit_real)limit);
+}
+
+/* A row of gains is valid when it is finite. */
+static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
+{
+    for (unsigned k = 0; k < count; ++k) {
+        if (!onebit_finite(row[k])) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+{
+    return coefficient / (onebit_real)t;
+}
+
+static inline onebit_real onebit_difference(onebit_real minuend, onebit_real subtrahend)
+{
+    return minuend - subtrahend;
+}
+
+/*
+ * estimate += gain * innovation, keeping what the addition rounds away and adding it next time
+ * (Kahan): without it a step that shrinks as 1/t meets rounding that does not.
+ */
+static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, onebit_real innovation)
+{
+    onebit_real increment = gain * innovation + link->carry;
+    onebit_real estimate = link->estimate + increment;
+    link->carry = increment - (estimate - link->estimate);
+    link->estimate = estimate;
+}
+
+/* row x, the products added in the order of the states; the shift is for fixed point. */
+static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *x, unsigned count,
+                                     int shift)
+{
+    (void)shift;
+    onebit_real sum = 0;
+    for (unsigned k = 0; k < count; ++k) {
+        sum += row[k] * x[k];
+    }
+    return sum;
+}
+
+/* stabilizing + gain * sum. */
+static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain gain, onebit_sum sum,
+                                         int shift)
+{
+    (void)shift;
+    return stabilizing + gain * sum;
+}
+
+#endif

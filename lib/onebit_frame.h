@@ -1,0 +1,99 @@
+/*
+ * The one-bit message as a CAN frame. Pure functions without state; they allocate nothing, may be
+ * called from any context, and take bounded time. Arithmetic-independent.
+ *
+ *   mode       encoding    identifier                                         DLC  data
+ *   broadcast  payload     11 bit: base + sender             (base 0x100)      1   (t mod 128) << 1
+ * | bit broadcast  identifier  11 bit: base + 2 sender + bit     (base 0x400)      0 link payload
+ * 29 bit: 0x10000000 + (sender << 14) + (receiver << 1) 1   (t mod 128) << 1 | bit link identifier
+ * 29 bit: the same + bit                              0 any        SYNC        11 bit: 0x080
+ * (CANopen, CiA 301)                    0   (1 is taken too)
+ *
+ * The bit is the lowest of the identifier, so that it never decides arbitration between two agents.
+ * 11-bit identifiers stay in 0x081..0x7EF, between CANopen's SYNC and its reserved top.
+ */
+#ifndef ONEBIT_FRAME_H
+#define ONEBIT_FRAME_H
+
+#include "onebit_status.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define ONEBIT_PAYLOAD_BASE 0x100u
+#define ONEBIT_IDENTIFIER_BASE 0x400u
+#define ONEBIT_LINK_BASE 0x10000000u
+#define ONEBIT_SYNC_IDENTIFIER 0x080u
+
+/* Steps are numbered modulo 128 on the bus. */
+#define ONEBIT_STEP_MODULUS 128u
+
+enum { ONEBIT_BROADCAST = 0, ONEBIT_LINK = 1 };
+enum { ONEBIT_PAYLOAD = 0, ONEBIT_IN_IDENTIFIER = 1 };
+
+/* How messages stand on the bus; the same for all agents of a bus. */
+typedef struct onebit_format {
+    uint8_t mode;     /* ONEBIT_BROADCAST or ONEBIT_LINK */
+    uint8_t encoding; /* ONEBIT_PAYLOAD or ONEBIT_IN_IDENTIFIER */
+    uint16_t base;    /* of the 11-bit identifiers; not used in link mode */
+} onebit_format;
+
+typedef struct onebit_message {
+    uint32_t sender;   /* from 1 */
+    uint32_t receiver; /* from 1 in link mode, 0 in broadcast */
+    uint8_t step;      /* t mod 128; 0 where the encoding has no step number */
+    bool has_step;     /* set by decode; encode ignores it */
+    bool bit;
+} onebit_message;
+
+/* Flags of a frame. */
+#define ONEBIT_FRAME_EXTENDED 0x01u /* 29-bit identifier */
+#define ONEBIT_FRAME_REMOTE 0x02u
+#define ONEBIT_FRAME_ERROR 0x04u    /* not a frame of the bus but a report of the controller */
+#define ONEBIT_FRAME_FLEXIBLE 0x08u /* CAN FD */
+
+/* A frame as a controller hands it over. Data beyond eight bytes (CAN FD) is never looked at. */
+typedef struct onebit_frame {
+    uint32_t identifier; /* 11 or 29 bits, right-aligned */
+    uint8_t flags;
+    uint8_t length; /* data bytes */
+    uint8_t data[8];
+} onebit_frame;
+
+/*
+ * Largest agent number that the format can carry, 0 if the format itself is not valid (unknown mode
+ * or encoding, base outside the 11-bit range). Link mode: 8191, the receiver's 13 bits.
+ */
+uint32_t onebit_frame_agent_limit(const onebit_format *format);
+
+/*
+ * Writes the frame of a message. ONEBIT_NULL; ONEBIT_CONFIG_FORMAT; ONEBIT_IDENTIFIER if sender
+ * (or, in link mode, receiver) is 0 or above onebit_frame_agent_limit. On refusal *frame is
+ * untouched.
+ */
+onebit_status onebit_frame_encode(const onebit_format *format, const onebit_message *message,
+                                  onebit_frame *frame);
+
+/*
+ * Reads the message of a frame, whatever bits the frame holds. ONEBIT_NULL; ONEBIT_CONFIG_FORMAT;
+ * else, in this order: ONEBIT_ERROR_FRAME, ONEBIT_UNKNOWN (identifier of another kind or range),
+ * ONEBIT_REMOTE, ONEBIT_FLEXIBLE, ONEBIT_LENGTH. On refusal *message is untouched.
+ */
+onebit_status onebit_frame_decode(const onebit_format *format, const onebit_frame *frame,
+                                  onebit_message *message);
+
+/* CANopen's SYNC, which begins every step; frame must not be null. */
+void onebit_frame_sync(onebit_frame *frame);
+
+/* True for a classical data frame 0x080 of DLC 0, or 1 (its counter is ignored); false for null. */
+bool onebit_frame_is_sync(const onebit_frame *frame);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,120 @@
+/* Turns a scenario into library instances; see group.h. Compiled once for each arithmetic. */
+#include "group.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* The coefficient nearest to a positive value. */
+static onebit_coefficient coefficient(double value)
+{
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+    /* All 32 bits of the integer, as far as its exponent allows. */
+    int exponent;
+    frexp(value, &exponent);
+    int fraction_bits = 32 - exponent;
+    fraction_bits = fraction_bits > 62 ? 62 : fraction_bits;
+    double scaled = round(ldexp(value, fraction_bits));
+    if (scaled > 4294967295.0) { /* rounded up to a power of two */
+        scaled /= 2;
+        --fraction_bits;
+    }
+    onebit_coefficient result = {(uint32_t)scaled, (int8_t)fraction_bits};
+    return result;
+#else
+    return (onebit_coefficient)value;
+#endif
+}
+
+/* The scenario's key whose value the library refuses. */
+static const char *refused_key(onebit_status status)
+{
+    switch (status) {
+    case ONEBIT_CONFIG_NEIGHBOURS:
+        return "topology.graphs";
+    case ONEBIT_CONFIG_STABILIZING:
+        return "gains.stabilizing";
+    case ONEBIT_CONFIG_COMPRESSION:
+        return "gains.compression";
+    case ONEBIT_CONFIG_THRESHOLD:
+        return "quantizer.threshold";
+    case ONEBIT_CONFIG_BOUND:
+        return "quantizer.bound";
+    case ONEBIT_CONFIG_ESTIMATOR_GAIN:
+        return "gains.beta";
+    case ONEBIT_CONFIG_CONTROL_GAIN:
+        return "gains.gamma";
+    case ONEBIT_ESTIMATE:
+        return "initial.estimates";
+    default:
+        return "scenario";
+    }
+}
+
+bool group_build(struct group *group, const struct scenario *scenario,
+                 const struct formats *formats, struct problem *problem)
+{
+    const struct topology *topology = &scenario->topology;
+    uint32_t n = scenario->state_count;
+    group->agent_count = topology->agent_count;
+    group->configs = calloc(topology->agent_count, sizeof *group->configs);
+    group->agents = calloc(topology->agent_count, sizeof *group->agents);
+    group->links = calloc(topology->link_count, sizeof *group->links);
+    group->rows = calloc(2 * (size_t)n, sizeof *group->rows);
+    onebit_real estimates[ONEBIT_NEIGHBOURS_MAX];
+    if (group->configs == NULL || group->agents == NULL || group->links == NULL ||
+        group->rows == NULL) {
+        group_free(group);
+        return problem_set(problem, "%s: not enough memory for %lu agents", scenario->path,
+                           (unsigned long)topology->agent_count);
+    }
+    for (uint32_t k = 0; k < n; ++k) {
+        group->rows[k] = real_from_double(scenario->stabilizing[k], formats->stabilizing);
+        group->rows[n + k] =
+            real_from_double(scenario->compression[k] / scenario->sigma, formats->compression);
+    }
+    for (uint32_t k = 0; k < ONEBIT_NEIGHBOURS_MAX; ++k) {
+        estimates[k] =
+            real_from_double(scenario->initial_estimate / scenario->sigma, NOISE_FRACTION_BITS);
+    }
+    for (uint32_t i = 0; i < topology->agent_count; ++i) {
+        uint32_t first = topology->first_link[i];
+        onebit_config *config = &group->configs[i];
+        config->agent = i + 1;
+        /* Undirected graphs: the agents that i sends to are those that it hears. */
+        config->neighbours = &topology->link_receiver[first];
+        config->neighbour_count = (uint8_t)(topology->first_link[i + 1] - first);
+        config->state_count = (uint8_t)n;
+        config->format = scenario->format;
+        config->stabilizing = group->rows;
+        config->compression = group->rows + n;
+        config->threshold =
+            real_from_double(scenario->threshold / scenario->sigma, NOISE_FRACTION_BITS);
+        config->bound = real_from_double(scenario->bound / scenario->sigma, NOISE_FRACTION_BITS);
+        config->estimator_gain = coefficient(scenario->beta / scenario->sigma);
+        config->control_gain = coefficient(scenario->gamma * scenario->sigma);
+        config->start = scenario->t0;
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+        config->fraction_bits.stabilizing = (int8_t)formats->stabilizing;
+        config->fraction_bits.compression = (int8_t)formats->compression;
+        config->fraction_bits.state = (int8_t)formats->state;
+        config->fraction_bits.control = (int8_t)formats->control;
+#endif
+        onebit_status status =
+            onebit_start(config, &group->agents[i], &group->links[first], estimates);
+        if (status != ONEBIT_OK) {
+            group_free(group);
+            return problem_set(problem, "%s: %s: the library refuses this value (status %d)",
+                               scenario->path, refused_key(status), (int)status);
+        }
+    }
+    return true;
+}
+
+void group_free(struct group *group)
+{
+    free(group->configs);
+    free(group->agents);
+    free(group->links);
+    free(group->rows);
+    *group = (struct group){0};
+}

@@ -1,0 +1,19 @@
+/* The step of integer_plant.h, with the library's fixed-point primitives. */
+#include "integer_plant.h"
+
+#define ONEBIT_ARITHMETIC ONEBIT_Q31
+#include "onebit_arithmetic.h"
+
+void integer_plant_step(const struct integer_plant *plant, int32_t *x, int32_t u)
+{
+    int32_t next[ONEBIT_STATES_MAX];
+    int shift = plant->B_fraction_bits + plant->control_fraction_bits - plant->state_fraction_bits;
+    for (uint32_t k = 0; k < plant->state_count; ++k) {
+        int64_t free = onebit_dot(plant->A[k], x, plant->state_count, plant->A_fraction_bits);
+        int64_t driven = onebit_rescale((int64_t)plant->B[k] * u, shift);
+        next[k] = onebit_saturate(free + driven);
+    }
+    for (uint32_t k = 0; k < plant->state_count; ++k) {
+        x[k] = next[k];
+    }
+}

@@ -1,0 +1,29 @@
+/*
+ * A plant in 32-bit fixed point, x(t+1) = A x(t) + B u(t), for runs that must give the same bits on
+ * every processor (scenario key plant.arithmetic: q31). Needs no C library, so firmware can run it.
+ */
+#ifndef INTEGER_PLANT_H
+#define INTEGER_PLANT_H
+
+#include "onebit_limits.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct integer_plant {
+    uint32_t state_count;
+    int A_fraction_bits;
+    int B_fraction_bits;
+    int state_fraction_bits;
+    int control_fraction_bits;
+    int32_t A[ONEBIT_STATES_MAX][ONEBIT_STATES_MAX]; /* magnitudes of a row add to < 2^31 */
+    int32_t B[ONEBIT_STATES_MAX];
+};
+
+/*
+ * One step in place. For each state the dot product with A's row is rounded to the nearest, then
+ * B's product, and their sum saturates.
+ */
+void integer_plant_step(const struct integer_plant *plant, int32_t *x, int32_t u);
+
+#endif

@@ -1,0 +1,126 @@
+/* The replay of replay.h in the arithmetic that this file is compiled for. */
+#include "replay.h"
+
+#include "group.h"
+#include "onebit_random.h"
+#include "plant.h"
+
+#include <string.h>
+
+/* The agent, its plant and the graph of the step that it is in. */
+struct state {
+    const struct scenario *scenario;
+    const struct formats *formats;
+    const struct replay *what;
+    struct group group;
+    struct plant plant;
+    double x[ONEBIT_STATES_MAX];
+    const double *law; /* of the next graph */
+    const uint8_t *linked;
+    uint32_t step;
+};
+
+static void print_header(const struct state *state, FILE *stream)
+{
+    const onebit_config *config = &state->group.configs[state->what->agent - 1];
+    fputs("step,t,u", stream);
+    for (unsigned k = 1; k <= config->state_count; ++k) {
+        fprintf(stream, ",x%u", k);
+    }
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        fprintf(stream, ",zhat_%lu", (unsigned long)config->neighbours[k]);
+    }
+    fputc('\n', stream);
+}
+
+static void begin_step(struct state *state)
+{
+    const struct topology *topology = &state->scenario->topology;
+    uint32_t graph = 0;
+    if (topology->graph_count > 1) {
+        uint32_t t = state->group.agents[state->what->agent - 1].clock;
+        graph = topology_draw(topology, state->law,
+                              onebit_random_word(state->what->seed, state->what->run, 0, t));
+        state->law = &topology->transition[(size_t)graph * topology->graph_count];
+    }
+    state->linked = &topology->linked[(size_t)graph * topology->link_count];
+}
+
+/* Controls, prints the row and moves the plant. */
+static void end_step(struct state *state, FILE *stream)
+{
+    uint32_t index = state->what->agent - 1;
+    const onebit_config *config = &state->group.configs[index];
+    onebit_agent *agent = &state->group.agents[index];
+    double sigma = state->scenario->sigma;
+    uint32_t t = agent->clock;
+    onebit_real measured[ONEBIT_STATES_MAX];
+    for (unsigned k = 0; k < config->state_count; ++k) {
+        measured[k] = real_from_double(state->x[k], state->formats->state);
+    }
+    onebit_real control = 0;
+    onebit_control(config, agent, measured, &control);
+    double u = double_from_real(control, state->formats->control);
+    fprintf(stream, "%lu,%lu,%.17g", (unsigned long)state->step, (unsigned long)t, u);
+    for (unsigned k = 0; k < config->state_count; ++k) {
+        fprintf(stream, ",%.17g", state->x[k]);
+    }
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        fprintf(stream, ",%.17g",
+                sigma * double_from_real(agent->links[k].estimate, NOISE_FRACTION_BITS));
+    }
+    fputc('\n', stream);
+    plant_step(&state->plant, state->x, u);
+    ++state->step;
+}
+
+/* Leaves out neighbours that are not linked in this step's graph, as the run did. */
+static void take(struct state *state, const onebit_frame *frame)
+{
+    uint32_t index = state->what->agent - 1;
+    const onebit_config *config = &state->group.configs[index];
+    onebit_message message;
+    if (onebit_frame_decode(&config->format, frame, &message) == ONEBIT_OK) {
+        for (unsigned k = 0; k < config->neighbour_count; ++k) {
+            if (config->neighbours[k] == message.sender &&
+                !state->linked[state->scenario->topology.first_link[index] + k]) {
+                return;
+            }
+        }
+    }
+    onebit_receive(config, &state->group.agents[index], frame);
+}
+
+bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *formats,
+                         const struct replay *what, struct log_reader *log, FILE *stream,
+                         struct problem *problem)
+{
+    struct state state = {.scenario = scenario, .formats = formats, .what = what};
+    if (!group_build(&state.group, scenario, formats, problem)) {
+        return false;
+    }
+    uint32_t n = scenario->state_count;
+    plant_build(&state.plant, scenario, formats);
+    memcpy(state.x, &scenario->initial_states[(size_t)(what->agent - 1) * n], n * sizeof *state.x);
+    plant_begin(&state.plant, state.x);
+    state.law = scenario->topology.stationary;
+    print_header(&state, stream);
+
+    onebit_frame frame;
+    int status;
+    while ((status = log_reader_next(log, &frame, problem)) > 0) {
+        if (onebit_frame_is_sync(&frame)) {
+            if (state.linked != NULL) {
+                end_step(&state, stream);
+            }
+            begin_step(&state);
+        } else if (state.linked != NULL) {
+            take(&state, &frame);
+        }
+    }
+    if (status == 0 && state.linked != NULL) {
+        end_step(&state, stream);
+    }
+    group_free(&state.group);
+    return status == 0;
+}

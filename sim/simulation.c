@@ -1,0 +1,279 @@
+/* The run of simulation.h in the arithmetic that this file is compiled for. */
+#include "simulation.h"
+
+#include "group.h"
+#include "onebit_random.h"
+#include "plant.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* What a run works on. */
+struct state {
+    const struct scenario *scenario;
+    const struct formats *formats;
+    const struct topology *topology;
+    struct group group;
+    struct plant plant;
+    struct bus *bus;
+    double *x;             /* agent_count x n, the plants' states */
+    onebit_real *measured; /* the same as the agents see them */
+    double *average;       /* n: (A + B K1)^k xbar(0) */
+    const double *law;     /* of the next graph: stationary at first, then a transition row */
+    uint32_t encoded_agents;
+    uint32_t seed;
+    uint32_t run;
+};
+
+static void measure(struct state *state, uint32_t agent_index)
+{
+    uint32_t n = state->scenario->state_count;
+    const double *x = &state->x[(size_t)agent_index * n];
+    onebit_real *measured = &state->measured[(size_t)agent_index * n];
+    for (uint32_t k = 0; k < n; ++k) {
+        measured[k] = real_from_double(x[k], state->formats->state);
+    }
+}
+
+static bool begin(struct state *state, const struct run *run, struct problem *problem)
+{
+    const struct scenario *scenario = state->scenario;
+    const struct topology *topology = state->topology;
+    uint32_t n = scenario->state_count;
+    size_t entries = (size_t)topology->agent_count * n;
+    if (!group_build(&state->group, scenario, state->formats, problem)) {
+        return false;
+    }
+    plant_build(&state->plant, scenario, state->formats);
+    uint32_t frames =
+        scenario->format.mode == ONEBIT_LINK ? topology->link_count : topology->agent_count;
+    state->bus =
+        bus_create(scenario->bus_model, scenario->bitrate, scenario->period, frames, run->log);
+    state->x = malloc(entries * sizeof *state->x);
+    state->measured = malloc(entries * sizeof *state->measured);
+    state->average = calloc(n, sizeof *state->average);
+    if (state->bus == NULL || state->x == NULL || state->measured == NULL ||
+        state->average == NULL) {
+        return problem_set(problem, "%s: not enough memory for %lu agents", scenario->path,
+                           (unsigned long)topology->agent_count);
+    }
+    memcpy(state->x, scenario->initial_states, entries * sizeof *state->x);
+    for (uint32_t i = 0; i < topology->agent_count; ++i) {
+        double *x = &state->x[(size_t)i * n];
+        plant_begin(&state->plant, x);
+        for (uint32_t k = 0; k < n; ++k) {
+            state->average[k] += x[k] / (double)topology->agent_count;
+        }
+        measure(state, i);
+    }
+    state->law = topology->stationary;
+    state->encoded_agents = onebit_frame_agent_limit(&scenario->format);
+    state->seed = run->seed;
+    state->run = run->number;
+    return true;
+}
+
+static void end(struct state *state)
+{
+    group_free(&state->group);
+    bus_free(state->bus);
+    free(state->x);
+    free(state->measured);
+    free(state->average);
+}
+
+/* The bit of sender j on a link, with that link's random word; scenarios have finite states. */
+static bool encode(const struct state *state, uint32_t j, uint32_t link, uint32_t t)
+{
+    bool bit = false;
+    onebit_encode(&state->group.configs[j - 1],
+                  &state->measured[(size_t)(j - 1) * state->scenario->state_count],
+                  onebit_random_word(state->seed, state->run, link, t), &bit);
+    return bit;
+}
+
+/* Hands one message on without a frame, where the agents outnumber the identifiers. */
+static void hand_over(struct state *state, uint32_t i, const onebit_message *message)
+{
+    onebit_receive_message(&state->group.configs[i - 1], &state->group.agents[i - 1], message);
+}
+
+/* A sender's bit goes to all its links in broadcast, to one in link mode: [from, to). */
+static void send(struct state *state, uint32_t j, uint32_t from, uint32_t to, uint32_t word_link,
+                 const uint8_t *linked, uint32_t t)
+{
+    const struct topology *topology = state->topology;
+    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
+    onebit_message message = {
+        .sender = j,
+        .receiver = link_mode ? topology->link_receiver[from] : 0,
+        .step = (uint8_t)(t % ONEBIT_STEP_MODULUS),
+        .has_step = true,
+        .bit = encode(state, j, word_link, t),
+    };
+    if (j <= state->encoded_agents && message.receiver <= state->encoded_agents) {
+        onebit_frame frame;
+        onebit_frame_encode(&state->scenario->format, &message, &frame);
+        bus_send(state->bus, &frame, from);
+        return;
+    }
+    for (uint32_t link = from; link < to; ++link) {
+        if (linked[link]) {
+            hand_over(state, topology->link_receiver[link], &message);
+        }
+    }
+}
+
+/* All agents send. */
+static void send_all(struct state *state, const uint8_t *linked, uint32_t t)
+{
+    const struct topology *topology = state->topology;
+    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
+    for (uint32_t j = 1; j <= topology->agent_count; ++j) {
+        uint32_t first = topology->first_link[j - 1];
+        uint32_t last = topology->first_link[j];
+        if (!link_mode) {
+            send(state, j, first, last, j, linked, t);
+            continue;
+        }
+        for (uint32_t link = first; link < last; ++link) {
+            if (linked[link]) {
+                send(state, j, link, link + 1, link + 1, linked, t);
+            }
+        }
+    }
+}
+
+/* What the bus delivers goes to the agents that are linked to the sender in this step's graph. */
+static void receive_all(struct state *state, const uint8_t *linked)
+{
+    const struct topology *topology = state->topology;
+    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
+    const onebit_frame *frame;
+    uint32_t first;
+    while (bus_receive(state->bus, &frame, &first)) {
+        uint32_t last = link_mode ? first + 1 : topology->first_link[topology->link_sender[first]];
+        for (uint32_t link = first; link < last; ++link) {
+            if (linked[link]) {
+                uint32_t i = topology->link_receiver[link];
+                onebit_receive(&state->group.configs[i - 1], &state->group.agents[i - 1], frame);
+            }
+        }
+    }
+}
+
+/* All agents control, all plants move. */
+static void control_all(struct state *state)
+{
+    uint32_t n = state->scenario->state_count;
+    for (uint32_t i = 0; i < state->group.agent_count; ++i) {
+        onebit_real u = 0;
+        onebit_control(&state->group.configs[i], &state->group.agents[i],
+                       &state->measured[(size_t)i * n], &u);
+        plant_step(&state->plant, &state->x[(size_t)i * n],
+                   double_from_real(u, state->formats->control));
+        measure(state, i);
+    }
+}
+
+static void move_average(struct state *state)
+{
+    const struct scenario *scenario = state->scenario;
+    uint32_t n = scenario->state_count;
+    double next[ONEBIT_STATES_MAX];
+    double u = 0;
+    for (uint32_t k = 0; k < n; ++k) {
+        u += scenario->stabilizing[k] * state->average[k];
+    }
+    for (uint32_t i = 0; i < n; ++i) {
+        next[i] = scenario->B[i] * u;
+        for (uint32_t k = 0; k < n; ++k) {
+            next[i] += scenario->A[i * n + k] * state->average[k];
+        }
+    }
+    memcpy(state->average, next, n * sizeof *next);
+}
+
+static double distance_squared(const double *a, const double *b, uint32_t count)
+{
+    double sum = 0;
+    for (uint32_t k = 0; k < count; ++k) {
+        sum += (a[k] - b[k]) * (a[k] - b[k]);
+    }
+    return sum;
+}
+
+static struct sample sample(const struct state *state)
+{
+    const struct scenario *scenario = state->scenario;
+    const struct topology *topology = state->topology;
+    uint32_t n = scenario->state_count;
+    double agent_count = (double)topology->agent_count;
+    double mean[ONEBIT_STATES_MAX] = {0};
+    for (uint32_t i = 0; i < topology->agent_count; ++i) {
+        for (uint32_t k = 0; k < n; ++k) {
+            mean[k] += state->x[(size_t)i * n + k] / agent_count;
+        }
+    }
+    struct sample result = {0};
+    for (uint32_t i = 0; i < topology->agent_count; ++i) {
+        const double *x = &state->x[(size_t)i * n];
+        result.mse += distance_squared(x, mean, n) / agent_count;
+        result.average_error += distance_squared(x, state->average, n) / agent_count;
+    }
+    /* Link i -> j of the list stands for i's estimate of j: the graphs are undirected. */
+    for (uint32_t link = 0; link < topology->link_count; ++link) {
+        const double *x = &state->x[(size_t)(topology->link_receiver[link] - 1) * n];
+        double z = 0;
+        for (uint32_t k = 0; k < n; ++k) {
+            z += scenario->compression[k] * x[k];
+        }
+        double error = scenario->sigma * double_from_real(state->group.links[link].estimate,
+                                                          NOISE_FRACTION_BITS) -
+                       z;
+        result.estimate_mse += error * error / (double)topology->link_count;
+    }
+    return result;
+}
+
+static void step(struct state *state, uint32_t completed)
+{
+    const struct topology *topology = state->topology;
+    uint32_t t = state->scenario->t0 + 1u + completed;
+    uint32_t graph = 0;
+    if (topology->graph_count > 1) {
+        graph =
+            topology_draw(topology, state->law, onebit_random_word(state->seed, state->run, 0, t));
+        state->law = &topology->transition[(size_t)graph * topology->graph_count];
+    }
+    const uint8_t *linked = &topology->linked[(size_t)graph * topology->link_count];
+    bus_begin_step(state->bus);
+    send_all(state, linked, t);
+    receive_all(state, linked);
+    control_all(state);
+    move_average(state);
+}
+
+bool ONEBIT_NAME(simulate)(const struct scenario *scenario, const struct formats *formats,
+                           struct run *run, struct problem *problem)
+{
+    struct state state = {
+        .scenario = scenario, .formats = formats, .topology = &scenario->topology};
+    bool begun = begin(&state, run, problem);
+    uint32_t completed = 0;
+    size_t entries = (size_t)scenario->topology.agent_count * scenario->state_count;
+    for (uint32_t row = 0; begun && row < run->row_count; ++row) {
+        for (; completed < run->rows[row]; ++completed) {
+            step(&state, completed);
+        }
+        run->samples[row] = sample(&state);
+        if (run->trajectory != NULL) {
+            memcpy(&run->trajectory[row * entries], state.x, entries * sizeof *state.x);
+        }
+    }
+    if (begun) {
+        run->traffic = *bus_traffic(state.bus);
+    }
+    end(&state);
+    return begun;
+}
