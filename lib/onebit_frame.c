@@ -9,9 +9,9 @@
 #define SENDER_SHIFT 14u
 #define LINK_AGENT_LAST 0x1FFFu /* receiver: identifier bits 13..1 */
 
-uint32_t onebit_frame_agent_limit(const onebit_format *format)
+static inline uint32_t agent_limit(const onebit_format *format)
 {
-    if (format == NULL || format->encoding > ONEBIT_IN_IDENTIFIER) {
+    if (format->encoding > ONEBIT_IN_IDENTIFIER) {
         return 0;
     }
     if (format->mode == ONEBIT_LINK) {
@@ -26,13 +26,18 @@ uint32_t onebit_frame_agent_limit(const onebit_format *format)
     return format->encoding == ONEBIT_PAYLOAD ? room : (room == 0 ? 0 : (room - 1u) / 2u);
 }
 
+uint32_t onebit_frame_agent_limit(const onebit_format *format)
+{
+    return format == NULL ? 0 : agent_limit(format);
+}
+
 onebit_status onebit_frame_encode(const onebit_format *format, const onebit_message *message,
                                   onebit_frame *frame)
 {
     if (format == NULL || message == NULL || frame == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = onebit_frame_agent_limit(format);
+    uint32_t limit = agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }
@@ -68,7 +73,7 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
     if (format == NULL || frame == NULL || message == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = onebit_frame_agent_limit(format);
+    uint32_t limit = agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }

@@ -1,6 +1,6 @@
 /*
  * A file that appears whole or not at all: written under a temporary name beside its own, renamed
- * when it is complete.
+ * when it is complete. A device, a pipe or a symbolic link is written in place.
  */
 #ifndef OUTPUT_FILE_H
 #define OUTPUT_FILE_H
@@ -13,7 +13,7 @@
 struct output_file {
     FILE *stream; /* write here */
     char *path;
-    char *temporary;
+    char *temporary; /* null when written in place */
 };
 
 /* Opens for writing; false and *problem if that cannot be. */

@@ -44,8 +44,8 @@ struct scenario {
     int state_fraction_bits;
     int control_fraction_bits;
 
-    double period; /* seconds a step */
-    uint32_t steps; /* t0 + steps < 2^32: the clock does not return within a run */
+    double period;  /* seconds a step */
+    uint32_t steps; /* t0 + 1 + steps < 2^32: the clock does not return within a run */
 };
 
 /* Most graphs of a scenario: the chain's law costs their number's cube. */

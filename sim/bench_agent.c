@@ -1,0 +1,133 @@
+/* The library's inner times in the arithmetic that this file is compiled for; see bench.h. */
+#include "bench.h"
+
+#include "group.h"
+#include "onebit_estimator.h"
+#include "onebit_random.h"
+
+#include <omp.h>
+
+#define ROUNDS 5
+#define LINKS 64
+#define NEIGHBOURS 3
+#define STATES 4
+
+/* The aircraft in units of its noise: threshold -2/4, bound 2/4, beta/sigma 1500/4. */
+#define THRESHOLD (-0.5)
+#define BOUND 0.5
+#define FRACTION_BITS 26
+#define ROW_FRACTION_BITS 29
+
+static onebit_coefficient coefficient(double value)
+{
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+    onebit_coefficient result = {(uint32_t)(value * 65536.0), 16};
+    return result;
+#else
+    return (onebit_coefficient)value;
+#endif
+}
+
+/* Updates all links again and again with fresh bits; nanoseconds for one. */
+static double time_update(double seconds)
+{
+    onebit_link links[LINKS] = {{0}};
+    onebit_real threshold = real_from_double(THRESHOLD, NOISE_FRACTION_BITS);
+    onebit_real bound = real_from_double(BOUND, NOISE_FRACTION_BITS);
+    double fastest = 1e300;
+    uint32_t t = 100000;
+    for (int round = 0; round < ROUNDS; ++round) {
+        double begun = omp_get_wtime();
+        double elapsed;
+        double updates = 0;
+        do {
+            onebit_gain gain = onebit_gain_at(coefficient(375), t++);
+            uint32_t word = onebit_random_word(1, 0, 1, t);
+            for (unsigned k = 0; k < LINKS; ++k) {
+                onebit_estimate(&links[k], gain, threshold, bound, (word >> (k % 32u) & 1u) != 0);
+            }
+            updates += LINKS;
+            elapsed = omp_get_wtime() - begun;
+        } while (elapsed < seconds / ROUNDS);
+        fastest = elapsed / updates < fastest ? elapsed / updates : fastest;
+    }
+    /* Read, so that no compiler leaves the updates out. */
+    volatile onebit_real kept = links[t % LINKS].estimate;
+    (void)kept;
+    return 1e9 * fastest;
+}
+
+/* Whole steps of one agent with three neighbours, through the frame codec; nanoseconds for one. */
+static double time_step(double seconds)
+{
+    static const uint32_t neighbours[NEIGHBOURS] = {2, 3, 4};
+    onebit_real stabilizing[STATES];
+    onebit_real compression[STATES];
+    onebit_real x[STATES];
+    for (unsigned k = 0; k < STATES; ++k) {
+        stabilizing[k] = real_from_double(-0.2, ROW_FRACTION_BITS);
+        compression[k] = real_from_double(0.2, ROW_FRACTION_BITS);
+        x[k] = real_from_double(0.1, FRACTION_BITS);
+    }
+    onebit_config config = {
+        .agent = 1,
+        .neighbours = neighbours,
+        .neighbour_count = NEIGHBOURS,
+        .state_count = STATES,
+        .format = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
+        .stabilizing = stabilizing,
+        .compression = compression,
+        .threshold = real_from_double(THRESHOLD, NOISE_FRACTION_BITS),
+        .bound = real_from_double(BOUND, NOISE_FRACTION_BITS),
+        .estimator_gain = coefficient(375),
+        .control_gain = coefficient(4),
+        .start = 10,
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+        .fraction_bits = {ROW_FRACTION_BITS, ROW_FRACTION_BITS, FRACTION_BITS, FRACTION_BITS},
+#endif
+    };
+    onebit_agent agent;
+    onebit_link links[NEIGHBOURS];
+    if (onebit_start(&config, &agent, links, NULL) != ONEBIT_OK) {
+        return -1;
+    }
+    double fastest = 1e300;
+    for (int round = 0; round < ROUNDS; ++round) {
+        double begun = omp_get_wtime();
+        double elapsed;
+        double steps = 0;
+        do {
+            for (unsigned repeat = 0; repeat < 32; ++repeat) {
+                uint32_t t = agent.clock;
+                bool bit = false;
+                onebit_real u = 0;
+                onebit_encode(&config, x, onebit_random_word(1, 0, 1, t), &bit);
+                for (unsigned k = 0; k < NEIGHBOURS; ++k) {
+                    onebit_message message = {.sender = neighbours[k],
+                                              .step = (uint8_t)(t % ONEBIT_STEP_MODULUS),
+                                              .bit = bit != (k == 1)};
+                    onebit_frame frame;
+                    onebit_frame_encode(&config.format, &message, &frame);
+                    onebit_receive(&config, &agent, &frame);
+                }
+                onebit_control(&config, &agent, x, &u);
+            }
+            steps += 32;
+            elapsed = omp_get_wtime() - begun;
+        } while (elapsed < seconds / ROUNDS);
+        fastest = elapsed / steps < fastest ? elapsed / steps : fastest;
+    }
+    return 1e9 * fastest;
+}
+
+struct agent_times ONEBIT_NAME(bench_agent)(double seconds)
+{
+    struct agent_times times = {
+        .update_ns = time_update(seconds),
+        .step_ns = time_step(seconds),
+        .agent_bytes = sizeof(onebit_agent),
+        .link_bytes = sizeof(onebit_link),
+        .config_bytes = sizeof(onebit_config),
+    };
+    return times;
+}

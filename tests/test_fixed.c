@@ -1,0 +1,568 @@
+/*
+ * The fixed-point primitives of lib/onebit_fixed.h against exact arithmetic in 128 bits. Extreme
+ * inputs stand among the random ones: under the asan preset an overflow or a bad shift ends the
+ * test.
+ */
+#include "onebit.h"
+
+#include "numbers.h"
+
+#include <limits.h>
+
+#if ONEBIT_ARITHMETIC != ONEBIT_Q31
+#error "these are the primitives of q31"
+#endif
+
+__extension__ typedef __int128 wide;
+
+static const int64_t edges_64[] = {0,
+                                   1,
+                                   -1,
+                                   2,
+                                   -2,
+                                   3,
+                                   -3,
+                                   INT32_MAX,
+                                   (int64_t)INT32_MAX + 1,
+                                   (int64_t)INT32_MAX - 1,
+                                   INT32_MIN,
+                                   (int64_t)INT32_MIN - 1,
+                                   (int64_t)INT32_MIN + 1,
+                                   (int64_t)1 << 61,
+                                   ((int64_t)1 << 61) - 1,
+                                   -((int64_t)1 << 61),
+                                   ((int64_t)1 << 62) - 1,
+                                   (int64_t)1 << 62,
+                                   -((int64_t)1 << 62)};
+#define EDGES_64 (sizeof edges_64 / sizeof *edges_64)
+
+static const int32_t edges_32[] = {0,
+                                   1,
+                                   -1,
+                                   2,
+                                   -2,
+                                   255,
+                                   256,
+                                   32767,
+                                   32768,
+                                   -32768,
+                                   65535,
+                                   65536,
+                                   -65536,
+                                   (1 << 29),
+                                   -(1 << 29),
+                                   (1 << 30) - 1,
+                                   INT32_MAX,
+                                   INT32_MIN,
+                                   INT32_MAX - 1,
+                                   INT32_MIN + 1,
+                                   (1 << 27),
+                                   -(1 << 27),
+                                   (1 << 30),
+                                   12345678};
+#define EDGES_32 (sizeof edges_32 / sizeof *edges_32)
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static wide power(int exponent)
+{
+    return (wide)1 << exponent;
+}
+
+static wide magnitude(wide value)
+{
+    return value < 0 ? -value : value;
+}
+
+static int32_t clamped(wide value)
+{
+    if (value > INT32_MAX) {
+        return INT32_MAX;
+    }
+    return value < INT32_MIN ? INT32_MIN : (int32_t)value;
+}
+
+/* A number with about as many bits as any other: 1 to `bits`, of either sign. */
+static int64_t random_size(uint64_t *seed, unsigned bits)
+{
+    unsigned width = 1u + random_word(seed) % bits;
+    int64_t value = (int64_t)(random_bits(seed) >> (64u - width));
+    return random_word(seed) & 1u ? -value : value;
+}
+
+static void test_saturate(void)
+{
+    for (unsigned k = 0; k < EDGES_64; ++k) {
+        TEST_ASSERT_EQUAL_INT32(clamped(edges_64[k]), onebit_saturate(edges_64[k]));
+    }
+    TEST_ASSERT_EQUAL_INT32(INT32_MAX, onebit_saturate(INT64_MAX));
+    TEST_ASSERT_EQUAL_INT32(INT32_MIN, onebit_saturate(INT64_MIN));
+}
+
+/*
+ * value * 2^-shift "to the nearest": a result within the range is off by half a unit at most; one
+ * at the range's end stands for a value that is there or beyond.
+ */
+static void check_rescale(int64_t value, int shift)
+{
+    int32_t result = onebit_rescale(value, shift);
+    /* Further than 64 places everything has left the range or is nearer to 0 than to 1. */
+    int places = shift > 64 ? 64 : (shift < -60 ? -60 : shift);
+    bool right;
+    if (places <= 0) {
+        right = result == clamped((wide)value * power(-places));
+    } else {
+        wide off = (wide)result * power(places) - value;
+        right = 2 * magnitude(off) <= power(places) || (result == INT32_MAX && off < 0) ||
+                (result == INT32_MIN && off > 0);
+    }
+    REQUIRE(right, "rescale(%lld, %d) = %ld", (long long)value, shift, (long)result);
+}
+
+static void test_rescale(void)
+{
+    static const int far[] = {INT_MIN, -1000, -65, -64, -63, 63, 64, 65, 109, 1000, INT_MAX};
+    for (unsigned k = 0; k < EDGES_64; ++k) {
+        for (int shift = -70; shift <= 130; ++shift) {
+            check_rescale(edges_64[k], shift);
+        }
+        for (unsigned f = 0; f < sizeof far / sizeof *far; ++f) {
+            check_rescale(edges_64[k], far[f]);
+        }
+    }
+    uint64_t seed = 11;
+    for (unsigned trial = 0; trial < 2000000; ++trial) {
+        check_rescale(random_size(&seed, 62), (int)(random_word(&seed) % 140u) - 60);
+    }
+}
+
+/* Halves go up, on every shift: written down so that a change shows (bit-identity). */
+static void test_rescale_of_halves(void)
+{
+    for (int shift = 1; shift <= 61; ++shift) {
+        int64_t half = (int64_t)1 << (shift - 1);
+        TEST_ASSERT_EQUAL_INT32(1, onebit_rescale(half, shift));
+        TEST_ASSERT_EQUAL_INT32(0, onebit_rescale(half - 1, shift));
+        TEST_ASSERT_EQUAL_INT32(0, onebit_rescale(-half, shift));
+        TEST_ASSERT_EQUAL_INT32(-1, onebit_rescale(-half - 1, shift));
+    }
+}
+
+static void test_difference_saturates(void)
+{
+    for (unsigned k = 0; k < EDGES_32; ++k) {
+        for (unsigned m = 0; m < EDGES_32; ++m) {
+            TEST_ASSERT_EQUAL_INT32(clamped((wide)edges_32[k] - edges_32[m]),
+                                    onebit_difference(edges_32[k], edges_32[m]));
+        }
+    }
+}
+
+static void check_leading_zeros(uint32_t word)
+{
+    unsigned places = 0;
+    while ((word << places) >> 31 == 0) {
+        ++places;
+    }
+    REQUIRE(onebit_leading_zeros(word) == places, "leading zeros of %lu", (unsigned long)word);
+}
+
+static void test_leading_zeros(void)
+{
+    uint64_t seed = 12;
+    for (unsigned bit = 0; bit < 32; ++bit) {
+        uint32_t word = (uint32_t)1 << bit;
+        check_leading_zeros(word);
+        check_leading_zeros(word | 1u);
+        check_leading_zeros(word | (word - 1u));
+        for (unsigned trial = 0; trial < 1000; ++trial) {
+            check_leading_zeros(word | (random_word(&seed) & (word - 1u)));
+        }
+    }
+}
+
+static void test_row_valid(void)
+{
+    int32_t row[ONEBIT_STATES_MAX] = {0};
+    TEST_ASSERT_TRUE(onebit_row_valid(row, ONEBIT_STATES_MAX));
+    row[0] = INT32_MAX;
+    TEST_ASSERT_TRUE(onebit_row_valid(row, 1));
+    row[0] = -INT32_MAX;
+    TEST_ASSERT_TRUE(onebit_row_valid(row, 2));
+    row[1] = 1;
+    TEST_ASSERT_FALSE(onebit_row_valid(row, 2));
+    TEST_ASSERT_TRUE(onebit_row_valid(row, 1)); /* what lies behind the row does not count */
+    row[1] = -1;
+    TEST_ASSERT_FALSE(onebit_row_valid(row, 2));
+    row[0] = INT32_MIN;
+    TEST_ASSERT_FALSE(onebit_row_valid(row, 1));
+    for (unsigned k = 0; k < ONEBIT_STATES_MAX; ++k) {
+        row[k] = k % 2 == 0 ? INT32_MIN : INT32_MAX;
+    }
+    TEST_ASSERT_FALSE(onebit_row_valid(row, ONEBIT_STATES_MAX));
+    for (unsigned k = 0; k < ONEBIT_STATES_MAX; ++k) {
+        row[k] = k % 2 == 0 ? 134217727 : -134217727; /* 2^27 - 1: 16 of them are 2^31 - 16 */
+    }
+    TEST_ASSERT_TRUE(onebit_row_valid(row, ONEBIT_STATES_MAX));
+    row[3] -= 15;
+    TEST_ASSERT_TRUE(onebit_row_valid(row, ONEBIT_STATES_MAX));
+    row[3] -= 1;
+    TEST_ASSERT_FALSE(onebit_row_valid(row, ONEBIT_STATES_MAX));
+}
+
+static void check_dot(const int32_t *row, const int32_t *x, unsigned count, int shift)
+{
+    wide exact = 0;
+    for (unsigned k = 0; k < count; ++k) {
+        exact += (wide)row[k] * x[k];
+    }
+    TEST_ASSERT_TRUE(magnitude(exact) <= power(62)); /* the header's argument */
+    int32_t result = onebit_dot(row, x, count, shift);
+    bool right;
+    if (shift <= 0) {
+        right = result == clamped(exact * power(-shift));
+    } else {
+        wide off = (wide)result * power(shift) - exact;
+        right = 2 * magnitude(off) <= power(shift) || (result == INT32_MAX && off < 0) ||
+                (result == INT32_MIN && off > 0);
+    }
+    REQUIRE(right, "dot of %u, shift %d: %ld", count, shift, (long)result);
+}
+
+/* Shifts -31..77: all that valid fraction bits can make. */
+static void test_dot(void)
+{
+    uint64_t seed = 13;
+    int32_t row[ONEBIT_STATES_MAX];
+    int32_t x[ONEBIT_STATES_MAX];
+    for (unsigned trial = 0; trial < 500000; ++trial) {
+        unsigned count = 1u + random_word(&seed) % ONEBIT_STATES_MAX;
+        int64_t room = INT32_MAX;
+        for (unsigned k = 0; k < count; ++k) {
+            int64_t entry = random_size(&seed, 31);
+            /* As large as the rule for rows allows. */
+            entry = entry > room ? room : (entry < -room ? -room : entry);
+            room -= entry < 0 ? -entry : entry;
+            row[k] = (int32_t)entry;
+            x[k] = trial % 3u == 0 ? edges_32[random_word(&seed) % EDGES_32]
+                                   : (int32_t)random_word(&seed);
+        }
+        TEST_ASSERT_TRUE(onebit_row_valid(row, count));
+        check_dot(row, x, count, (int)(random_word(&seed) % 109u) - 31);
+    }
+    for (unsigned k = 0; k < ONEBIT_STATES_MAX; ++k) {
+        row[k] = k == 0 ? 134217727 + 15 : 134217727;
+        x[k] = INT32_MIN;
+    }
+    for (int shift = -31; shift <= 77; ++shift) {
+        check_dot(row, x, ONEBIT_STATES_MAX, shift);
+    }
+}
+
+static void test_coefficient_valid(void)
+{
+    static const uint32_t values[] = {0,          1,     2,          3,          65535,
+                                      65536,      65537, 0x7FFFFFFF, 0x80000000, 0x80000001,
+                                      0xFFFFFFFF, 1000,  2097152,    2097153};
+    static const uint32_t limits[] = {1, 2, 65535, 65536, UINT32_MAX};
+    for (unsigned v = 0; v < sizeof values / sizeof *values; ++v) {
+        for (int bits = -128; bits <= 127; ++bits) {
+            onebit_coefficient candidate = {values[v], (int8_t)bits};
+            bool formed = values[v] != 0 && bits >= -16 && bits <= 62;
+            TEST_ASSERT_EQUAL(formed, onebit_coefficient_valid(candidate, 0));
+            for (unsigned l = 0; l < sizeof limits / sizeof *limits; ++l) {
+                bool within = formed && (bits < 0 ? values[v] * power(-bits) <= limits[l]
+                                                  : values[v] <= limits[l] * power(bits));
+                REQUIRE(onebit_coefficient_valid(candidate, limits[l]) == within,
+                        "%lu with %d bits against %lu", (unsigned long)values[v], bits,
+                        (unsigned long)limits[l]);
+            }
+        }
+    }
+}
+
+/*
+ * |mantissa 2^-exponent - value 2^-bits / t| <= 2^-16 of the true gain, and nearest: at most half a
+ * unit of the mantissa. Both sides times t 2^bits, so that whole numbers are compared.
+ */
+static void check_gain(uint32_t value, int bits, uint32_t t)
+{
+    onebit_coefficient given = {value, (int8_t)bits};
+    onebit_gain gain = onebit_gain_at(given, t);
+    REQUIRE(gain.mantissa >= 0x8000u, "gain %lu / %lu is not normalised", (unsigned long)value,
+            (unsigned long)t);
+    int shift = gain.exponent - bits;
+    wide actual = (wide)gain.mantissa * t;
+    wide exact = value;
+    if (shift >= 0) {
+        exact *= power(shift);
+    } else {
+        actual *= power(-shift);
+    }
+    wide unit = shift >= 0 ? (wide)t : t * power(-shift);
+    wide off = magnitude(actual - exact);
+    REQUIRE(off * 65536 <= exact, "gain %lu / %lu is off by more than 2^-16", (unsigned long)value,
+            (unsigned long)t);
+    REQUIRE(2 * off <= unit, "gain %lu / %lu is not the nearest", (unsigned long)value,
+            (unsigned long)t);
+}
+
+static void test_gain_at(void)
+{
+    /* Dense: every pair of small numbers, and every t of a run's beginning. */
+    for (uint32_t value = 1; value <= 700; ++value) {
+        for (uint32_t t = 1; t <= 700; ++t) {
+            check_gain(value, 0, t);
+        }
+    }
+    for (uint32_t t = 1; t <= 1000000; ++t) {
+        check_gain(375, 0, t);
+        check_gain(0xFFFFFFFFu, 31, t);
+    }
+    /* Powers of two and their neighbours, against each other and the ends. */
+    for (unsigned v = 0; v < 32; ++v) {
+        for (unsigned p = 0; p < 32; ++p) {
+            for (unsigned around = 0; around < 9; ++around) {
+                uint32_t value = ((uint32_t)1 << v) + around / 3u - 1u;
+                uint32_t t = ((uint32_t)1 << p) + around % 3u - 1u;
+                check_gain(value == 0 ? 0xFFFFFFFFu : value, 0, t == 0 ? 0xFFFFFFFFu : t);
+            }
+        }
+    }
+    uint64_t seed = 14;
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        uint32_t value = random_word(&seed) >> random_word(&seed) % 32u;
+        uint32_t t = random_word(&seed) >> random_word(&seed) % 32u;
+        int bits = (int)(random_word(&seed) % 79u) - 16;
+        check_gain(value | (value == 0), bits, t | (t == 0));
+    }
+    /* Quotients just below a power of two, which round up to it. */
+    onebit_coefficient below = {0xFFFFFFFFu, 0};
+    onebit_gain gain = onebit_gain_at(below, 0x80000000u);
+    TEST_ASSERT_EQUAL_HEX16(0x8000u, gain.mantissa);
+    TEST_ASSERT_EQUAL_INT16(14, gain.exponent);
+    onebit_coefficient largest = {65536, 0};
+    TEST_ASSERT_EQUAL_INT16(-1, onebit_gain_at(largest, 1).exponent);
+}
+
+/* The routine for processors without a divider gives the same bits, which this host does not run.
+ */
+static void check_quotient(uint32_t dividend, uint32_t divisor)
+{
+    uint32_t exact = (uint32_t)((wide)dividend * 65536 / divisor);
+    REQUIRE(onebit_quotient_by_shifting(dividend, divisor) == exact &&
+                onebit_quotient(dividend, divisor) == exact,
+            "quotient %lu / %lu", (unsigned long)dividend, (unsigned long)divisor);
+}
+
+static void test_quotient_by_shifting(void)
+{
+    static const uint32_t divisors[] = {1, 2, 3, 0x7FFFFFFF, 0x80000000, 0x80000001, 0xFFFFFFFF};
+    for (unsigned k = 0; k < sizeof divisors / sizeof *divisors; ++k) {
+        check_quotient(0, divisors[k]);
+        check_quotient(divisors[k] / 2u, divisors[k]);
+        check_quotient(divisors[k] - 1u, divisors[k]);
+    }
+    uint64_t seed = 15;
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        uint32_t divisor = random_word(&seed) | (trial % 4u == 0 ? 1u : 0x80000000u);
+        check_quotient((uint32_t)(((uint64_t)random_word(&seed) * divisor) >> 32), divisor);
+    }
+}
+
+/* What one step of the estimator may do with the bits of an extreme configuration. */
+static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain, int32_t innovation)
+{
+    onebit_link link = {estimate, carry};
+    onebit_accumulate(&link, gain, innovation);
+    REQUIRE(link.carry < 0x80000000u, "carry %08lx", (unsigned long)link.carry);
+
+    /* In units of 2^-58, times 2^down so that the exact step is whole. */
+    wide before = (wide)estimate * power(31) + carry;
+    wide after = (wide)link.estimate * power(31) + link.carry;
+    int down = gain.exponent > 27 ? gain.exponent - 27 : 0;
+    wide exact = (wide)innovation * gain.mantissa * power(27 - gain.exponent + down);
+    wide step = (after - before) * power(down);
+    /* The step is cut to 31 bits of a gain of 1, that is 2^-15 of its mantissa's unit, and to
+     * 2^-58: floors, so the step is short of the exact one by less than the larger of the two. */
+    wide grain = gain.exponent < 43 ? power(43 - gain.exponent) : 1;
+    wide limit = power(61); /* 8 units of noise */
+    bool right;
+    if (magnitude(exact) < limit * power(down)) {
+        /* 2^30 where -8 exactly, the floor of a little more, is taken for too large. */
+        right = exact - step < grain * power(down) &&
+                (step <= exact || (step == -(limit - power(30)) && exact - grain <= -limit));
+    } else {
+        right = step == (exact < 0 ? -1 : 1) * (limit - power(30)); /* 2^-28 less than 8 */
+    }
+    REQUIRE(right, "estimate %ld carry %lu gain %u 2^%d innovation %ld", (long)estimate,
+            (unsigned long)carry, gain.mantissa, -gain.exponent, (long)innovation);
+}
+
+static void test_accumulate(void)
+{
+    static const uint16_t mantissas[] = {0x8000, 0x8001, 0xFFFF, 0xC3A5};
+    static const uint32_t carries[] = {0, 1, 0x3FFFFFFF, 0x40000000, 0x7FFFFFFF};
+    static const int32_t estimates[] = {0, 1, -1, 1 << 29, -(1 << 29), 12345678};
+    /* Exponents from -1 (gain 2^16) to 62 + 31 + 31 (the smallest that a format can make). */
+    for (int exponent = -1; exponent <= 124; ++exponent) {
+        for (unsigned m = 0; m < sizeof mantissas / sizeof *mantissas; ++m) {
+            onebit_gain gain = {mantissas[m], (int16_t)exponent};
+            for (unsigned i = 0; i < EDGES_32; ++i) {
+                for (unsigned c = 0; c < sizeof carries / sizeof *carries; ++c) {
+                    for (unsigned e = 0; e < sizeof estimates / sizeof *estimates; ++e) {
+                        if (edges_32[i] != INT32_MIN && exponent <= 90) {
+                            check_accumulate(estimates[e], carries[c], gain, edges_32[i]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    uint64_t seed = 16;
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        onebit_gain gain = {(uint16_t)(0x8000u | random_word(&seed)),
+                            (int16_t)(random_word(&seed) % 92u - 1u)};
+        int32_t estimate = (int32_t)(random_word(&seed) % ((1u << 30) + 1u)) - (1 << 29);
+        check_accumulate(estimate, random_word(&seed) >> 1, gain, (int32_t)random_size(&seed, 31));
+    }
+}
+
+/* Gains too small for 2^-58 leave 0 or, for the floor of a negative step, one unit of 2^-58. */
+static void test_accumulate_with_tiny_gains(void)
+{
+    for (int exponent = 75; exponent <= 124; ++exponent) {
+        onebit_gain gain = {0xFFFF, (int16_t)exponent};
+        onebit_link link = {5, 7};
+        onebit_accumulate(&link, gain, INT32_MAX);
+        TEST_ASSERT_EQUAL_INT32(5, link.estimate);
+        TEST_ASSERT_EQUAL_UINT32(7, link.carry);
+        onebit_accumulate(&link, gain, -INT32_MAX);
+        TEST_ASSERT_EQUAL_INT32(5, link.estimate);
+        TEST_ASSERT_EQUAL_UINT32(6, link.carry);
+    }
+}
+
+/* "Twice the largest bound, so that the projection still finds it outside or 2^-27 beside it." */
+static void test_too_large_a_step_ends_at_the_bound(void)
+{
+    static const int32_t innovations[] = {INT32_MAX, -INT32_MAX, INT32_MAX / 3, -INT32_MAX / 3};
+    onebit_gain gain = {0x8000, -1};
+    for (int32_t bound = 1 << 20; bound <= 1 << 29; bound <<= 1) {
+        for (unsigned k = 0; k < sizeof innovations / sizeof *innovations; ++k) {
+            bool rises = innovations[k] > 0;
+            onebit_link link = {rises ? -bound : bound, 0};
+            onebit_accumulate(&link, gain, innovations[k]);
+            TEST_ASSERT_TRUE(rises ? link.estimate >= bound - 1 : link.estimate <= 1 - bound);
+        }
+    }
+}
+
+static void test_innovation(void)
+{
+    for (int64_t u = -(1 << 29); u <= 1 << 29; u += 9973) {
+        int64_t probability = onebit_cdf((int32_t)u);
+        TEST_ASSERT_TRUE(onebit_distribution((int32_t)u) == probability);
+        TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, false) == probability);
+        TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, true) == probability - 0x80000000LL);
+    }
+    /* "Within +-(2^31 - 1)" at the ends of the range too. */
+    TEST_ASSERT_TRUE(onebit_innovation(INT32_MIN, true) >= -INT32_MAX);
+    TEST_ASSERT_TRUE(onebit_innovation(INT32_MAX, false) <= INT32_MAX);
+}
+
+static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, int shift)
+{
+    int32_t result = onebit_combine(stabilizing, gain, sum, shift);
+    wide product = (wide)sum * gain.mantissa;
+    int places = gain.exponent + shift;
+    places = places > 64 ? 64 : (places < -60 ? -60 : places);
+    /* The consensus term is rounded and saturated by itself, then the sum saturates. */
+    wide lowest;
+    wide highest;
+    if (places <= 0) {
+        lowest = highest = clamped(product * power(-places));
+    } else {
+        wide half = power(places - 1);
+        /* The integers within half a unit: one, or two at a tie. */
+        highest = clamped((product + half) >> places);
+        lowest = clamped(-((half - product) >> places));
+    }
+    REQUIRE(result >= clamped(stabilizing + lowest) && result <= clamped(stabilizing + highest),
+            "combine(%ld, %u 2^%d, %lld, %d) = %ld", (long)stabilizing, gain.mantissa,
+            -gain.exponent, (long long)sum, shift, (long)result);
+}
+
+/* |sum| < 2^37, exponents of every coefficient and clock, shifts of every control format. */
+static void test_combine(void)
+{
+    uint64_t seed = 17;
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        onebit_gain gain = {(uint16_t)(0x8000u | random_word(&seed)),
+                            (int16_t)((int)(random_word(&seed) % 160u) - 33)};
+        int32_t stabilizing = trial % 4u == 0 ? edges_32[random_word(&seed) % EDGES_32]
+                                              : (int32_t)random_size(&seed, 31);
+        check_combine(stabilizing, gain, random_size(&seed, 37),
+                      (int)(random_word(&seed) % 32u) - 4);
+    }
+    int64_t largest = ((int64_t)1 << 37) - 1;
+    for (int exponent = -33; exponent <= 126; ++exponent) {
+        onebit_gain gain = {0xFFFF, (int16_t)exponent};
+        for (int shift = -4; shift <= 27; ++shift) {
+            for (unsigned k = 0; k < EDGES_32; ++k) {
+                check_combine(edges_32[k], gain, largest, shift);
+                check_combine(edges_32[k], gain, -largest, shift);
+            }
+        }
+    }
+}
+
+static void test_everything_is_finite(void)
+{
+    TEST_ASSERT_TRUE(onebit_finite(INT32_MIN));
+    TEST_ASSERT_TRUE(onebit_finite(INT32_MAX));
+}
+
+/* In an initializer, to the nearest, on both sides of zero. */
+static void test_constants(void)
+{
+    static const int32_t constants[] = {
+        ONEBIT_FIXED(-0.5, 27),     ONEBIT_FIXED(3.9999999, 27), ONEBIT_FIXED(0.7, 4),
+        ONEBIT_FIXED(-0.7, 4),      ONEBIT_FIXED(0, 31),         ONEBIT_FIXED(1e-9, 46),
+        ONEBIT_FIXED(-0.9224, 31),  ONEBIT_FIXED(2, 0),          ONEBIT_FIXED(0.46875, 4),
+        ONEBIT_FIXED(1 - 0.25, 20),
+    };
+    static const int32_t expected[] = {-67108864, 536870899,   11, -11, 0,
+                                       70369,     -1980838917, 2,  8,   786432};
+    TEST_ASSERT_EQUAL_INT32_ARRAY(expected, constants, sizeof expected / sizeof *expected);
+    TEST_ASSERT_EQUAL_INT32(1 << 29, ONEBIT_REAL(4.0));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_saturate);
+    RUN_TEST(test_rescale);
+    RUN_TEST(test_rescale_of_halves);
+    RUN_TEST(test_difference_saturates);
+    RUN_TEST(test_leading_zeros);
+    RUN_TEST(test_row_valid);
+    RUN_TEST(test_dot);
+    RUN_TEST(test_coefficient_valid);
+    RUN_TEST(test_gain_at);
+    RUN_TEST(test_quotient_by_shifting);
+    RUN_TEST(test_accumulate);
+    RUN_TEST(test_accumulate_with_tiny_gains);
+    RUN_TEST(test_too_large_a_step_ends_at_the_bound);
+    RUN_TEST(test_innovation);
+    RUN_TEST(test_combine);
+    RUN_TEST(test_everything_is_finite);
+    RUN_TEST(test_constants);
+    return UNITY_END();
+}
