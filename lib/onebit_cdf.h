@@ -29,8 +29,8 @@ static inline uint32_t onebit_cdf(int32_t u)
 {
     /* Magnitude in Q4.19, rounded; 2^31 for the one input without a positive twin. */
     uint32_t magnitude = ((u < 0 ? 0u - (uint32_t)u : (uint32_t)u) + 128u) >> 8;
-    if (magnitude >= (5u << 19)) {
-        magnitude = (5u << 19) - 1u;
+    if (magnitude >= ((uint32_t)5 << 19)) {
+        magnitude = ((uint32_t)5 << 19) - 1u;
     }
     uint32_t segment = magnitude >> 16; /* width 1/8 */
     uint32_t place = magnitude & 0xFFFFu;

@@ -42,7 +42,7 @@ static inline onebit_probability onebit_distribution(onebit_real u)
 /* F(u) - bit. */
 static inline onebit_real onebit_innovation(onebit_real u, bool bit)
 {
-    return onebit_distribution(u) * 0x1p-31 - (bit ? 1.0 : 0.0);
+    return onebit_distribution(u) / 2147483648.0 - (bit ? 1.0 : 0.0);
 }
 
 #else
@@ -57,14 +57,14 @@ static inline onebit_probability onebit_distribution(onebit_real u)
     } else if (u < -15.99f) {
         u = -15.99f;
     }
-    return onebit_cdf((int32_t)(u * 0x1p27f));
+    return onebit_cdf((int32_t)(u * 134217728.0f));
 }
 
 static inline onebit_real onebit_innovation(onebit_real u, bool bit)
 {
     /* Subtracted as integers: near F = 1 a float has no digits left for F - 1. */
     int32_t probability = (int32_t)onebit_distribution(u);
-    return (onebit_real)(bit ? probability - INT32_MAX - 1 : probability) * 0x1p-31f;
+    return (onebit_real)(bit ? probability - INT32_MAX - 1 : probability) / 2147483648.0f;
 }
 
 #endif

@@ -294,10 +294,14 @@ static void warn_beta_gamma(const struct scenario *scenario, const struct condit
     }
     if (!(scenario->beta > conditions->beta_consensus)) {
         fprintf(stream,
-                "warning: gains.beta: %.6g is %.3g of %.6g, consensus needs more: raise it above "
-                "that, for the rate 1/t above %.6g\n",
+                "warning: gains.beta: %.6g is %.3g of %.6g, consensus needs more: raise it above",
                 scenario->beta, scenario->beta / conditions->beta_consensus,
-                conditions->beta_consensus, conditions->beta_rate);
+                conditions->beta_consensus);
+        if (isfinite(conditions->beta_rate)) {
+            fprintf(stream, " %.6g, where the rate 1/t begins\n", conditions->beta_rate);
+        } else {
+            fprintf(stream, " that\n");
+        }
     } else if (scenario->gamma * conditions->lambda_2 > 1 &&
                !(scenario->beta > conditions->beta_rate)) {
         fprintf(stream,

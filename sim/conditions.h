@@ -31,7 +31,7 @@ bool conditions_compute(const struct scenario *scenario, struct conditions *cond
 /*
  * One line on `stream`, `warning: key: ...`, for each condition of the theorems that the scenario
  * does not meet: by how much, and what would mend it. Also where a plant error would outlast the
- * run's gain (DESIGN 3), and where the conditions could not be computed.
+ * run's gain (README, Limits), and where the conditions could not be computed.
  */
 void conditions_warn(const struct scenario *scenario, FILE *stream);
 

@@ -90,6 +90,10 @@ bool group_build(struct group *group, const struct scenario *scenario,
         config->threshold =
             real_from_double(scenario->threshold / scenario->sigma, NOISE_FRACTION_BITS);
         config->bound = real_from_double(scenario->bound / scenario->sigma, NOISE_FRACTION_BITS);
+        /* (|c| + M)/sigma = 4 is allowed, and rounding each must not carry their sum beyond. */
+        onebit_real distance = config->threshold < 0 ? -config->threshold : config->threshold;
+        onebit_real room = ONEBIT_REAL(4.0) - distance;
+        config->bound = config->bound < room ? config->bound : room;
         config->estimator_gain = coefficient(scenario->beta / scenario->sigma);
         config->control_gain = coefficient(scenario->gamma * scenario->sigma);
         config->start = scenario->t0;

@@ -299,8 +299,10 @@ int main(int argument_count, char **arguments)
     if (!scenario_load(&scenario, options.file, &problem)) {
         return complain(BAD_USE, "%s", problem.text);
     }
-    struct formats formats;
-    if (!formats_choose(&scenario, &formats, &problem)) {
+    /* Only fixed point has formats, and only it can fail to have them. */
+    struct formats formats = {0};
+    bool fixed = options.arithmetic == ARITHMETIC_Q31 || scenario.integer_plant;
+    if (fixed && !formats_choose(&scenario, &formats, &problem)) {
         status = complain(BAD_USE, "%s", problem.text);
     } else {
         if (!replays) {

@@ -80,10 +80,11 @@ void plant_step(const struct plant *plant, double *x, double u)
         return;
     }
     double next[ONEBIT_STATES_MAX];
+    const double *row = plant->A;
     for (uint32_t i = 0; i < n; ++i) {
         double sum = 0;
         for (uint32_t k = 0; k < n; ++k) {
-            sum += plant->A[i * n + k] * x[k];
+            sum += *row++ * x[k];
         }
         next[i] = sum + plant->B[i] * u;
     }

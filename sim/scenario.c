@@ -19,6 +19,8 @@
 #define PLACE_DEPTH_MAX 8          /* topology.graphs[1].edges[2][1] is the deepest: 5 */
 #define THRESHOLD_BOUND_MAX 4.0    /* (|c| + M) / sigma: beyond, the noise's CDF is flat */
 #define ESTIMATOR_GAIN_MAX 65536.0 /* beta / sigma: the library's range */
+#define CONTROL_GAIN_MAX 1e12      /* gamma sigma: every arithmetic of the library holds it */
+#define RATIO_MIN 1e-6             /* of beta, M over sigma, gamma sigma: fixed point holds it */
 #define COMPRESSED_ROUNDING 1e-12  /* relative, of K2 x against M */
 #define CLOCK_LAST UINT32_MAX      /* a run ends at t0 + 1 + steps: the clock never returns */
 #define ROW_SUM_ROUNDING 1e-9      /* of a row of the transition matrix */
@@ -391,11 +393,23 @@ static const struct field plant_fields[] = {
 
 static bool read_beta(struct reader *reader, const yaml_node_t *node, const struct field *field)
 {
-    const struct scenario *scenario = reader->scenario;
+    double sigma = reader->scenario->sigma;
+    double *beta = target(reader, field);
     return read_positive(reader, node, field) &&
-           (scenario->beta / scenario->sigma <= ESTIMATOR_GAIN_MAX ||
-            refuse(reader, node, "must be at most %g sigma = %g, not %s", ESTIMATOR_GAIN_MAX,
-                   ESTIMATOR_GAIN_MAX * scenario->sigma, see(node).text));
+           ((*beta >= RATIO_MIN * sigma && *beta <= ESTIMATOR_GAIN_MAX * sigma) ||
+            refuse(reader, node, "must be from %g sigma = %g to %g sigma = %g, not %s", RATIO_MIN,
+                   RATIO_MIN * sigma, ESTIMATOR_GAIN_MAX, ESTIMATOR_GAIN_MAX * sigma,
+                   see(node).text));
+}
+
+static bool read_gamma(struct reader *reader, const yaml_node_t *node, const struct field *field)
+{
+    double sigma = reader->scenario->sigma;
+    double *gamma = target(reader, field);
+    return read_positive(reader, node, field) &&
+           ((*gamma * sigma >= RATIO_MIN && *gamma * sigma <= CONTROL_GAIN_MAX) ||
+            refuse(reader, node, "must be from %g/sigma = %g to %g/sigma = %g, not %s", RATIO_MIN,
+                   RATIO_MIN / sigma, CONTROL_GAIN_MAX, CONTROL_GAIN_MAX / sigma, see(node).text));
 }
 
 static bool read_start(struct reader *reader, const yaml_node_t *node, const struct field *field)
@@ -407,7 +421,7 @@ static const struct field gains_fields[] = {
     {.key = "stabilizing", .read = read_vector, FIELD(stabilizing)},
     {.key = "compression", .read = read_vector, FIELD(compression)},
     {.key = "beta", .read = read_beta, FIELD(beta)},
-    {.key = "gamma", .read = read_positive, FIELD(gamma)},
+    {.key = "gamma", .read = read_gamma, FIELD(gamma)},
     {.key = "t0", .read = read_start, FIELD(t0)},
     {.key = NULL},
 };
@@ -417,6 +431,10 @@ static bool read_bound(struct reader *reader, const yaml_node_t *node, const str
     const struct scenario *scenario = reader->scenario;
     if (!read_positive(reader, node, field)) {
         return false;
+    }
+    if (!(scenario->bound >= RATIO_MIN * scenario->sigma)) {
+        return refuse(reader, node, "must be at least %g sigma = %g, not %s", RATIO_MIN,
+                      RATIO_MIN * scenario->sigma, see(node).text);
     }
     double reach = (fabs(scenario->threshold) + scenario->bound) / scenario->sigma;
     return reach <= THRESHOLD_BOUND_MAX ||
@@ -815,20 +833,20 @@ static char *read_file(const char *path, size_t *size, struct problem *problem)
         problem_set(problem, "%s: cannot be opened: %s", path, strerror(errno));
         return NULL;
     }
-    do {
+    bool more = true;
+    while (more) {
         room = room * 2 + 4096;
         char *larger = realloc(text, room);
-        if (larger == NULL) {
-            errno = ENOMEM;
-            break;
+        errno = larger == NULL ? ENOMEM : errno;
+        text = larger != NULL ? larger : text;
+        *size += larger != NULL ? fread(text + *size, 1, room - *size, file) : 0;
+        more = larger != NULL && *size == room;
+        if (larger == NULL || ferror(file)) {
+            problem_set(problem, "%s: cannot be read: %s", path, strerror(errno));
+            free(text);
+            text = NULL;
+            more = false;
         }
-        text = larger;
-        *size += fread(text + *size, 1, room - *size, file);
-    } while (*size == room);
-    if (*size == room || ferror(file)) {
-        problem_set(problem, "%s: cannot be read: %s", path, strerror(errno));
-        free(text);
-        text = NULL;
     }
     fclose(file);
     return text;

@@ -28,10 +28,11 @@ struct state {
 static void measure(struct state *state, uint32_t agent_index)
 {
     uint32_t n = state->scenario->state_count;
+    int fraction_bits = state->formats->state;
     const double *x = &state->x[(size_t)agent_index * n];
     onebit_real *measured = &state->measured[(size_t)agent_index * n];
     for (uint32_t k = 0; k < n; ++k) {
-        measured[k] = real_from_double(x[k], state->formats->state);
+        measured[k] = real_from_double(x[k], fraction_bits);
     }
 }
 

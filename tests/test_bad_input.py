@@ -346,7 +346,11 @@ WRONG = [
     ),
     ("gains.stabilizing", "[0, -0.5]", "[0] # HERE", "must have 2"),
     ("gains.compression", "[0.5, 0.75]", "[] # HERE", "must have 2"),
-    ("gains.beta", "beta: 200", "beta: 65536.01 # HERE", "at most 65536 sigma"),
+    ("gains.beta", "beta: 200", "beta: 65536.01 # HERE", "to 65536 sigma"),
+    ("gains.beta", "beta: 200", "beta: 9e-7 # HERE", "from 1e-06 sigma"),
+    ("gains.gamma", "gamma: 2", "gamma: 9e-7 # HERE", "from 1e-06/sigma"),
+    ("gains.gamma", "gamma: 2", "gamma: 1.1e12 # HERE", "to 1e+12/sigma"),
+    ("quantizer.bound", "bound: 1", "bound: 9e-7 # HERE", "at least 1e-06 sigma"),
     ("quantizer.bound", "bound: 1", "bound: 4.001 # HERE", "at most 4"),
     (
         "quantizer.bound",

@@ -208,7 +208,11 @@ static void beta_is_compared_with_both_bounds(void)
     scenario.beta = 498.91;
     expect_warning("gains.beta: ", "of 539.014, the rate 1/t needs more");
     scenario.beta = 249.45;
-    expect_warning("gains.beta: 249.45 is 0.5 ", "of 498.904, consensus needs more");
+    expect_warning("gains.beta: 249.45 is 0.5 ", "consensus needs more: raise it above 539.014");
+    scenario.gamma = 0.5; /* no beta gives the rate 1/t */
+    scenario.beta = 1;
+    TEST_ASSERT_EQUAL_INT_MESSAGE(2, warn(), warnings);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(warnings, "raise it above that\n"), warnings);
 }
 
 static void gamma_is_compared_with_lambda_2(void)
