@@ -37,7 +37,11 @@
 extern "C" {
 #endif
 
-/* A constant as an integer with `bits` fraction bits, rounded to the nearest; for initializers. */
+/*
+ * A constant as an integer with `bits` fraction bits, rounded to the nearest; for initializers.
+ * Where double has 32 bits (avr-gcc without -mdouble=64) it keeps 24 bits of them: write integers
+ * there.
+ */
 #define ONEBIT_FIXED(value, bits)                                                                  \
     ((int32_t)((value) * (double)((uint64_t)1 << (bits)) + ((value) < 0 ? -0.5 : 0.5)))
 
@@ -79,7 +83,10 @@ typedef struct onebit_agent {
     uint16_t refused[ONEBIT_REFUSALS]; /* frames by code, see onebit_status.h; stop at 65535 */
 } onebit_agent;
 
-/* Checks a configuration: ONEBIT_OK or the code that names the first wrong field. */
+/*
+ * Checks a configuration: ONEBIT_OK or the code that names a wrong field; the fields in the order
+ * of the codes, but fraction bits before what is written in them.
+ */
 onebit_status onebit_check(const onebit_config *config);
 
 /*
@@ -94,7 +101,7 @@ onebit_status onebit_start(const onebit_config *config, onebit_agent *agent, one
  * The bit for state x (n values): 1 with probability F((c - K2 x)/sigma), drawn with a uniform
  * random word (onebit_random_word; the upper 31 bits count). This is the comparison z + noise <= c
  * of the paper, in distribution; a caller with physical noise compares for itself. One dot product
- * and one CDF. ONEBIT_STATE if x is not finite. Pure but for *bit.
+ * and one CDF. ONEBIT_STATE if K2 x is not finite. Pure but for *bit.
  */
 onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, uint32_t word,
                             bool *bit);
@@ -113,8 +120,8 @@ onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *
 
 /*
  * Control input u(t) = K1 x + gamma/(t+1) sum over heard neighbours (zhat - K2 x), then t becomes
- * t + 1. ONEBIT_STATE if x is not finite. q31: two dot products in 64 bits, each rounded to the
- * nearest and saturated; the sum saturates.
+ * t + 1. ONEBIT_STATE if x, or the u that follows from it, is not finite. q31: two dot products in
+ * 64 bits, each rounded to the nearest and saturated; the sum saturates.
  */
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
                              onebit_real *u);

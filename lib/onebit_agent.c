@@ -206,8 +206,10 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
     }
     onebit_message message;
     onebit_status status = onebit_frame_decode(&config->format, frame, &message);
-    return status == ONEBIT_OK ? onebit_receive_message(config, agent, &message)
-                               : refuse(agent, status);
+    if (status == ONEBIT_OK) {
+        return onebit_receive_message(config, agent, &message);
+    }
+    return status == ONEBIT_CONFIG_FORMAT ? status : refuse(agent, status);
 }
 
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
@@ -219,9 +221,6 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
     onebit_real z = compressed(config, x);
     onebit_real stabilizing =
         onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
-    if (!onebit_finite(z) || !onebit_finite(stabilizing)) {
-        return ONEBIT_STATE;
-    }
     onebit_sum sum = 0;
     for (unsigned k = 0; k < config->neighbour_count; ++k) {
         if (agent->heard >> k & 1u) {
@@ -229,8 +228,12 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         }
     }
     uint32_t next = agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
-    *u = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next), sum,
-                        CONSENSUS_SHIFT(config));
+    onebit_real control = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next),
+                                         sum, CONSENSUS_SHIFT(config));
+    if (!onebit_finite(control)) {
+        return ONEBIT_STATE;
+    }
+    *u = control;
     begin_step(config, agent, wrapped((uint64_t)agent->clock + 1u));
     return ONEBIT_OK;
 }

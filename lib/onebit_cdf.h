@@ -20,7 +20,7 @@ extern const uint8_t onebit_cdf_scale[40];
 /*
  * F(u): u in Q4.27, result in Q0.31. Over all 2^32 inputs (tests/test_cdf_sweep.c checks each):
  * error at most 4.5e-7, monotone, F(u) + F(-u) = 2^31 exactly, 1 <= F <= 2^31 - 1.
- * No division, four 32-bit products, no branch but for the sign and the end of the table.
+ * No division, five 32-bit products, no branch but for the sign and the end of the table.
  *
  * |u| is rounded to 2^-19, which makes most of the error (2^-20 times the density 0.399 is 3.8e-7)
  * and lets every product fit 32 bits. Beyond |u| = 5 the end of the table stands (2.9e-7 from 1).

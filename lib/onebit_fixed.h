@@ -180,9 +180,10 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
 }
 
 /*
- * estimate += gain * innovation, exact to 2^-58 as long as the gain is at least 2^-43. |estimate|
- * <= 2^29 (the bound with the threshold is at most 4). A step beyond 8 units of noise saturates
- * there: twice the largest bound, so that the projection still finds it outside or 2^-27 beside it.
+ * estimate += gain * innovation, short of the exact sum by less than 2^-30 of the gain or, where
+ * that is more, 2^-58. |estimate| <= 2^29 (the bound with the threshold is at most 4). A step
+ * beyond 8 units of noise saturates there: twice the largest bound, so that the projection still
+ * finds it outside or 2^-27 beside it.
  */
 static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_t innovation)
 {

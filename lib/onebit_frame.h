@@ -2,12 +2,14 @@
  * The one-bit message as a CAN frame. Pure functions without state; they allocate nothing, may be
  * called from any context, and take bounded time. Arithmetic-independent.
  *
- *   mode       encoding    identifier                                         DLC  data
- *   broadcast  payload     11 bit: base + sender             (base 0x100)      1   (t mod 128) << 1
- * | bit broadcast  identifier  11 bit: base + 2 sender + bit     (base 0x400)      0 link payload
- * 29 bit: 0x10000000 + (sender << 14) + (receiver << 1) 1   (t mod 128) << 1 | bit link identifier
- * 29 bit: the same + bit                              0 any        SYNC        11 bit: 0x080
- * (CANopen, CiA 301)                    0   (1 is taken too)
+ *   mode, encoding         identifier                                              DLC  data
+ *   broadcast, payload     11 bit: base + sender, base 0x100                       1    t', bit
+ *   broadcast, identifier  11 bit: base + 2 sender + bit, base 0x400               0
+ *   link, payload          29 bit: 0x10000000 + (sender << 14) + (receiver << 1)   1    t', bit
+ *   link, identifier       29 bit: the same + bit                                  0
+ *   any: SYNC              11 bit: 0x080 (CANopen, CiA 301)                        0, or 1 ignored
+ *
+ * Data "t', bit" is one byte: the clock t modulo 128 in bits 7..1, the message bit in bit 0.
  *
  * The bit is the lowest of the identifier, so that it never decides arbitration between two agents.
  * 11-bit identifiers stay in 0x081..0x7EF, between CANopen's SYNC and its reserved top.
@@ -66,7 +68,8 @@ typedef struct onebit_frame {
 
 /*
  * Largest agent number that the format can carry, 0 if the format itself is not valid (unknown mode
- * or encoding, base outside the 11-bit range). Link mode: 8191, the receiver's 13 bits.
+ * or encoding, base that leaves agent 1 no identifier in 0x081..0x7EF). Link mode: 8191, the
+ * receiver's 13 bits.
  */
 uint32_t onebit_frame_agent_limit(const onebit_format *format);
 

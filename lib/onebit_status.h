@@ -10,7 +10,7 @@ typedef enum onebit_status {
 
     /* The call. */
     ONEBIT_NULL,       /* a pointer is null */
-    ONEBIT_STATE,      /* a state is not finite (floating arithmetics only) */
+    ONEBIT_STATE,      /* a state or what follows from it is not finite (floating) */
     ONEBIT_ESTIMATE,   /* an initial estimate is outside [-bound, bound] */
     ONEBIT_CLOCK,      /* the clock would fall below start + 1 */
     ONEBIT_IDENTIFIER, /* the message has no identifier: agent number 0 or too large */

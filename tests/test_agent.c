@@ -848,6 +848,17 @@ static void test_control_by_hand(void)
     TEST_ASSERT_TRUE(u == 0);
 }
 
+/* A configuration that changed after the start: no counter stands for that. */
+static void test_receive_with_a_spoilt_format(void)
+{
+    struct memory before;
+    memcpy(&before, &memory, sizeof memory);
+    onebit_frame frame = {0};
+    config.format.base = 0;
+    TEST_ASSERT_EQUAL(ONEBIT_CONFIG_FORMAT, onebit_receive(&config, &memory.agent, &frame));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &memory, sizeof memory);
+}
+
 static void test_control_refuses(void)
 {
     receive(5, true);
@@ -875,6 +886,10 @@ static void test_control_refuses(void)
     TEST_ASSERT_EQUAL(ONEBIT_STATE, onebit_control(&config, &memory.agent, x, &u));
     stabilizing[1] = 0;
     compression[1] = 4;
+    TEST_ASSERT_EQUAL(ONEBIT_STATE, onebit_control(&config, &memory.agent, x, &u));
+    /* Both products finite, and the control that follows not. */
+    x[1] = -large / 8;
+    config.control_gain = large;
     TEST_ASSERT_EQUAL(ONEBIT_STATE, onebit_control(&config, &memory.agent, x, &u));
 #endif
     TEST_ASSERT_TRUE(u == number(0.25));
@@ -1150,6 +1165,7 @@ int main(void)
     RUN_TEST(test_counters_stop_at_65535);
     RUN_TEST(test_receive_message);
     RUN_TEST(test_receive_nulls);
+    RUN_TEST(test_receive_with_a_spoilt_format);
     RUN_TEST(test_thirty_two_neighbours);
     RUN_TEST(test_control);
     RUN_TEST(test_control_by_hand);

@@ -1,5 +1,5 @@
 /*
- * The paired bias test of DESIGN 6, for f32 and q31: one million steps of the library's estimator
+ * The paired bias test for f32 and q31: one million steps of the library's estimator
  * and of a twin in double precision, on the same bits, from late clocks. The twin takes libm's erfc
  * and rounds to 2^-53, 1e-10 over a run at worst, so it needs no carry. After t1 the two differ by
  * at most
@@ -8,8 +8,9 @@
  *
  * - An error eps of the CDF makes the estimator settle where F is off by as much: eps / phi(u)
  * away. Of the difference e left, each step takes the share b phi(u) / t, so that e falls as t^-(b
- * phi(u)). (DESIGN has 1 for the exponent. Runs that begin at z show that it is too little: they
- * pass DESIGN's bound by up to 1.6 from t0 = 1e8, where b phi is above 100.)
+ * phi(u)). (The project's design first had 1 for the exponent. Runs that begin at z show
+ * that it is too little: they pass that bound by a factor of up to 1.6 from t0 = 1e8, where b phi
+ * is above 100.)
  * - Each gain is rounded to 2^-16 of itself (2^-23 in f32), and with it the way that the gains have
  *   moved the estimate: the distance between the first and the last.
  * - A unit is what rounding leaves of an estimate when no carry goes with it: 2^-27 in q31, half an

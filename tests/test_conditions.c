@@ -1,4 +1,4 @@
-/* The theorems' figures of sim/conditions.c: DESIGN 4's numbers, explicit matrices, warnings. */
+/* The theorems' figures of sim/conditions.c: published numbers, explicit matrices, warnings. */
 #include "conditions.h"
 #include "onebit_random.h"
 

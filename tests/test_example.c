@@ -29,9 +29,9 @@ void pump_send(const onebit_frame *frame)
 }
 
 /*
- * An estimate's error has variance beta^2 F(1-F)/(2 beta f - 1)/t (Fisher information of a bit): here
- * 8.2/t, a standard deviation of 0.02 bar after 2e4 steps, and the pumps differ by less than that.
- * Five of them is the bound.
+ * An estimate's error has variance beta^2 F(1-F)/(2 beta f - 1)/t (Fisher information of a bit):
+ * here 8.2/t, a standard deviation of 0.02 bar after 2e4 steps, and the pumps differ by less than
+ * that. Five of them is the bound.
  */
 static void test_three_pumps_agree(void)
 {

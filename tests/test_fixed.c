@@ -389,8 +389,8 @@ static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain,
     int down = gain.exponent > 27 ? gain.exponent - 27 : 0;
     wide exact = (wide)innovation * gain.mantissa * power(27 - gain.exponent + down);
     wide step = (after - before) * power(down);
-    /* The step is cut to 31 bits of a gain of 1, that is 2^-15 of its mantissa's unit, and to
-     * 2^-58: floors, so the step is short of the exact one by less than the larger of the two. */
+    /* Two floors: the product loses its lowest 16 bits, worth 2^(43 - exponent) here and at most
+     * 2^-30 of the gain, then what is below 2^-58. The step is short by less than the larger. */
     wide grain = gain.exponent < 43 ? power(43 - gain.exponent) : 1;
     wide limit = power(61); /* 8 units of noise */
     bool right;

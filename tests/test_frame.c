@@ -86,7 +86,7 @@ static void check_example(const onebit_format *format, uint32_t sender, uint32_t
     TEST_ASSERT_TRUE(same_message(&wanted, &decoded));
 }
 
-/* By hand from the table of DESIGN 6. */
+/* By hand from the README's frame table. */
 static void test_examples_of_each_row(void)
 {
     /* Broadcast, payload: 0x100 + 7; step 100 is 0x64, shifted 0xC8. */

@@ -13,10 +13,18 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LIB = ROOT / "lib"
-WARNINGS = (
-    "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion "
-    "-Wcast-align -Wshadow -Werror"
-).split()
+WARNINGS = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wdouble-promotion",
+    "-Wcast-align",
+    "-Wshadow",
+    "-Werror",
+]
 COMPILERS = ("gcc", "clang")
 ARITHMETICS = ("f64", "f32", "q31")
 LEVELS = ("-O0", "-O2", "-Os")
@@ -196,7 +204,7 @@ def test_table_is_what_its_tool_writes():
 def code_lines(path):
     """Lines that hold more than space and comments; no string in lib/ has a comment's mark."""
     text = re.sub(r"/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
-    return sum(1 for line in text.splitlines() if line.strip() and not line.strip()[:2] == "//")
+    return sum(1 for line in text.splitlines() if line.strip() and line.strip()[:2] != "//")
 
 
 def test_size_of_the_source():

@@ -124,7 +124,7 @@ def estimate_tolerances(feed, arithmetic, t):
     if arithmetic == "f64":
         # 1e-11 in z or in z/sigma, whichever is the stricter.
         return np.full(len(t), 1e-11 * min(1.0, scenario.sigma))
-    # DESIGN, section 6, for q31.
+    # What the project promises of q31.
     early, late = single_precision_bounds(feed) if arithmetic == "f32" else (5e-5, 1e-5)
     return scenario.sigma * np.where(t > 100 * scenario.beta / scenario.sigma, late, early)
 
@@ -143,7 +143,7 @@ def control_tolerances(scenario, arithmetic, t, inputs, expected, estimate_toler
 
     q31: states are rounded to half a quantum, each row of gains to 2^-31 of the power of two above
     its largest entry (a 32-bit format with one bit to spare), K2 x to half a unit of Q4.27 (units
-    of sigma), gamma/(t+1) to 2^-15 relative (DESIGN asks that of b/t and the gain is kept alike),
+    of sigma), gamma/(t+1) to 2^-15 relative (promised of b/t, and the gain is kept alike),
     and K1 x, the consensus term and u to half a quantum of the control.
     """
     heard = inputs["bits"] != NOT_HEARD

@@ -152,9 +152,7 @@ def test_replay_believes_what_the_run_believed(tmp_path, name, encoding, suffix,
         for row in rows(tmp_path / "out/trajectory.csv")
     }
     for agent in range(1, 8):
-        result = call(
-            "replay", scenario, log, "--agent", agent, "--arith", arithmetic, "--seed", 4
-        )
+        result = call("replay", scenario, log, "--agent", agent, "--arith", arithmetic, "--seed", 4)
         assert result.returncode == 0, result.stderr
         lines = [line.split(",") for line in result.stdout.splitlines()]
         assert lines[0][:7] == ["step", "t", "u", "x1", "x2", "x3", "x4"]
@@ -242,7 +240,7 @@ def test_agents_beyond_the_identifiers_run_unencoded(tmp_path):
 
 
 def test_integer_plant_runs_on_its_grid(tmp_path):
-    """plant.arithmetic q31: states are multiples of the format's unit and follow the double plant."""
+    """States are multiples of the format's unit and follow the double plant."""
     scenario = variant(tmp_path, "aircraft-fixed", plant={"arithmetic": "q31"})
     run(scenario, arith="q31", steps=1000, out=tmp_path / "integer")
     run(SCENARIOS / "aircraft-fixed.yaml", arith="q31", steps=1000, out=tmp_path / "double")

@@ -1,4 +1,5 @@
-/* sim/wire.c: DESIGN's numbers, and equality with a bit-by-bit reference on frames of every kind.
+/* sim/wire.c: the README's numbers, and equality with a bit-by-bit reference on frames of every
+ * kind.
  */
 #include "unity.h"
 #include "wire.h"
