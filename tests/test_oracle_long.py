@@ -78,8 +78,8 @@ def single_precision_bounds(feed):
     In exact numbers w(t) = clamp(w(t-1) + g (F(v) - s)), with g = b/t and v = c/sigma - w(t-1). Let
     r = 2^-24. The library's value (its remainder carried, so that the rounding of the sum does not
     pile up) follows the same recursion with two local errors: `distribution` on F, the 4.5e-7 of
-    lib/onebit_cdf.h and 4 r for the rounding of its argument and result; and `increment`, 4 r relative,
-    for the roundings of b, of b/t, of F - s and of the product. Hence before clamping
+    lib/onebit_cdf.h and 4 r for the rounding of its argument and result; and `increment`, 4 r
+    relative, for the roundings of b, of b/t, of F - s and of the product. Hence before clamping
 
         e(t) <= max |1 - g f(v)| e(t-1) + g (distribution + increment max |F - s|),
 

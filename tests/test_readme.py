@@ -1,4 +1,4 @@
-"""README.md against the tree: its example is the file that a test builds, its links and facts hold."""
+"""README.md against the tree: its example is the file that a test builds, its facts hold."""
 
 import re
 import shlex
