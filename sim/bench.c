@@ -86,17 +86,32 @@ static double time_run(enum arithmetic arithmetic, const struct scenario *scenar
     return 1e-6 * fastest;
 }
 
-/* Sizes of the library's objects at -Os, as the build measured them. */
+/*
+ * Sizes of the library's objects at -Os: what `size` printed of them when they were built. A line's
+ * path has the form .../size_<part>.dir/.../<object>, part being an arithmetic or base.
+ */
 static void print_object_sizes(void)
 {
     FILE *file = fopen(ONEBIT_OBJECT_SIZES, "r");
     if (file == NULL) {
         return;
     }
-    puts("\nlibrary objects at -Os (bytes)");
-    char line[256];
+    puts("\nobjects at -Os       text  data  bss (bytes)");
+    char line[4096];
     while (fgets(line, sizeof line, file) != NULL) {
-        fputs(line, stdout);
+        long text;
+        long data;
+        long bss;
+        char *part = strstr(line, "size_");
+        char *object = strrchr(line, '/');
+        if (part == NULL || object == NULL ||
+            sscanf(line, "%ld %ld %ld", &text, &data, &bss) != 3) {
+            continue; /* the heading */
+        }
+        part += strlen("size_");
+        part[strcspn(part, ".")] = '\0';
+        object[strcspn(object, ".")] = '\0';
+        printf("%-4s %-16s%5ld %5ld %4ld\n", part, object + 1, text, data, bss);
     }
     fclose(file);
 }
