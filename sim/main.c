@@ -208,7 +208,7 @@ static int read_options(struct options *options, bool replays, int argument_coun
     return DONE;
 }
 
-/* Checks what depends on both command line and scenario. */
+/* Runs the ensemble and leaves its files. */
 static int run_scenario(const struct options *options, const struct scenario *scenario,
                         const struct formats *formats)
 {
@@ -216,15 +216,11 @@ static int run_scenario(const struct options *options, const struct scenario *sc
     struct ensemble ensemble = {
         .arithmetic = options->arithmetic,
         .runs = options->runs,
-        .steps = options->steps != 0 ? options->steps : scenario->steps,
+        .steps = scenario->steps,
         .seed = options->seed,
         .threads = options->threads != 0 ? (int)options->threads : omp_get_max_threads(),
         .progress = isatty(STDERR_FILENO) != 0 && options->runs > 1,
     };
-    if (ensemble.steps > UINT32_MAX - 1u - scenario->t0) {
-        return complain(BAD_USE, "--steps %lu: the clock begins at %lu and would pass 2^32 - 1",
-                        (unsigned long)ensemble.steps, (unsigned long)scenario->t0);
-    }
     if (options->out != NULL && !record_prepare(options->out, &problem)) {
         return complain(BAD_USE, "--out %s", problem.text);
     }
@@ -277,6 +273,43 @@ static int replay_log(const struct options *options, const struct scenario *scen
     return fflush(stdout) == 0 ? DONE : complain(FAILURE, "standard output: a write failed");
 }
 
+/* What the conditions and the bus have to say about a run, before it. */
+static void warn(const struct scenario *scenario)
+{
+    uint32_t limit = onebit_frame_agent_limit(&scenario->format);
+    conditions_warn(scenario, stderr);
+    if (scenario->topology.agent_count > limit) {
+        fprintf(stderr,
+                "warning: agents above %lu have no identifier in this encoding; their messages go "
+                "unencoded\n",
+                (unsigned long)limit);
+    }
+}
+
+/* The verb's work on a scenario that is loaded. */
+static int work(const struct options *options, bool replays, struct scenario *scenario)
+{
+    if (options->steps > UINT32_MAX - 1u - scenario->t0) {
+        return complain(BAD_USE, "--steps %lu: the clock begins at %lu and would pass 2^32 - 1",
+                        (unsigned long)options->steps, (unsigned long)scenario->t0);
+    }
+    if (options->steps != 0) {
+        scenario->steps = options->steps;
+    }
+    /* Only fixed point has formats, and only it can fail to have them. */
+    struct formats formats = {0};
+    struct problem problem = {{0}};
+    bool fixed = options->arithmetic == ARITHMETIC_Q31 || scenario->integer_plant;
+    if (fixed && !formats_choose(scenario, &formats, &problem)) {
+        return complain(BAD_USE, "%s", problem.text);
+    }
+    if (replays) {
+        return replay_log(options, scenario, &formats);
+    }
+    warn(scenario);
+    return run_scenario(options, scenario, &formats);
+}
+
 int main(int argument_count, char **arguments)
 {
     const char *verb = argument_count > 1 ? arguments[1] : "";
@@ -299,25 +332,7 @@ int main(int argument_count, char **arguments)
     if (!scenario_load(&scenario, options.file, &problem)) {
         return complain(BAD_USE, "%s", problem.text);
     }
-    /* Only fixed point has formats, and only it can fail to have them. */
-    struct formats formats = {0};
-    bool fixed = options.arithmetic == ARITHMETIC_Q31 || scenario.integer_plant;
-    if (fixed && !formats_choose(&scenario, &formats, &problem)) {
-        status = complain(BAD_USE, "%s", problem.text);
-    } else {
-        if (!replays) {
-            conditions_warn(&scenario, stderr);
-        }
-        uint32_t limit = onebit_frame_agent_limit(&scenario.format);
-        if (!replays && scenario.topology.agent_count > limit) {
-            fprintf(stderr,
-                    "warning: agents above %lu have no identifier in this encoding; their messages "
-                    "go unencoded\n",
-                    (unsigned long)limit);
-        }
-        status = replays ? replay_log(&options, &scenario, &formats)
-                         : run_scenario(&options, &scenario, &formats);
-    }
+    status = work(&options, replays, &scenario);
     scenario_free(&scenario);
     return status;
 }

@@ -327,3 +327,25 @@ def test_no_progress_in_a_pipe():
     result = run(SCENARIOS / "two-agents.yaml", runs=4, steps=20)
     assert result.stderr == ""
     assert "disagreement" in result.stdout
+
+
+def test_unstable_loop_is_warned_of_and_only_fixed_point_refuses_it(tmp_path):
+    """Eigenvalues 1 and 2: no range for q31, but a simulation may show what happens."""
+    scenario = variant(tmp_path, "two-agents", gains={"stabilizing": [0, 1]})
+    result = run(scenario, steps=20)
+    assert "gains.stabilizing: A + B K1 has, beside 1, an eigenvalue" in result.stderr
+    result = call("run", scenario, "--steps", 20, "--arith", "q31")
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert "gains.stabilizing" in result.stderr
+
+
+def test_warnings_look_at_the_steps_of_the_command_line(tmp_path):
+    """Four-digit gains: their eigenvalue 1 is off, which shows in long runs only."""
+    gains = {
+        "stabilizing": [-0.9224, -0.1825, 0, -0.1788],
+        "compression": [3.8734, 0.9054, 0.3575, 0.8773],
+    }
+    scenario = variant(tmp_path, "aircraft-fixed", gains=gains)
+    assert "no longer holds the group" not in run(scenario, steps=100).stderr
+    assert "no longer holds the group" in run(scenario, steps=200000).stderr
