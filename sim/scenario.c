@@ -712,7 +712,7 @@ static bool read_bus(struct reader *reader, const yaml_node_t *node, const struc
 static bool read_fraction_bits(struct reader *reader, const yaml_node_t *node,
                                const struct field *field)
 {
-    uint32_t bits;
+    uint32_t bits = 0;
     if (!read_integer(reader, node, 0, 31, &bits)) {
         return false;
     }
