@@ -84,13 +84,16 @@ class Dump:
         with path.open("w") as file:
             # -D: it stays when the interface goes down; -r: room for a burst.
             self.process = start(
-                program("candump"), "-L", "-D", "-r", "4000000", INTERFACE, stdout=file
+                program("candump"), "-L", "-D", "-r", "16000000", INTERFACE, stdout=file
             )
         wait_until("candump listens", lambda: all_listeners() > before)
 
     def stop(self):
-        # Let it write what the kernel holds for it.
-        time.sleep(0.3)
+        # Behind on a busy processor, it has yet to write what the kernel holds for it.
+        size = -1
+        while size != self.path.stat().st_size:
+            size = self.path.stat().st_size
+            time.sleep(0.5)
         self.process.terminate()
         self.process.wait(timeout=10)
         return self.path
@@ -156,10 +159,12 @@ def start_nodes(folder, scenario, *options, agents=range(1, 8)):
     return nodes
 
 
-def start_master(scenario, *, period=PERIOD, steps=None):
+def start_master(scenario, *, period=PERIOD, steps=None, seed=1):
+    """Period 0 is as fast as the group answers: it knows by the seed which links a step has."""
     limit = ("--steps", steps) if steps else ()
     return start(
-        NODE, scenario, "--interface", INTERFACE, "--sync-master", "--period", period, *limit,
+        NODE, scenario, "--interface", INTERFACE, "--sync-master", "--period", period,
+        "--seed", seed, *limit,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 

@@ -66,7 +66,7 @@ def test_processes_compute_the_simulators_bits(tmp_path, name, encoding):
     states = simulate(scenario, tmp_path, STEPS)
     dump = Dump(tmp_path / "heard.log")
     nodes = start_nodes(tmp_path, scenario, "--arith", "q31", "--seed", SEED)
-    master = start_master(scenario, period="10ms", steps=STEPS)
+    master = start_master(scenario, period="0", steps=STEPS, seed=SEED)
     finish(master, nodes)
     dump.stop()
     same_frames(dump, tmp_path / "sim.log")
@@ -99,7 +99,7 @@ def test_all_agents_in_one_process(tmp_path, arithmetic):
         "--arith", arithmetic, "--seed", SEED, "--csv", tmp_path / "node.csv",
     )  # fmt: skip
     wait_until("seven sockets listen", lambda: listeners(SYNC) == len(AGENTS))
-    finish(start_master(scenario, steps=steps), [])
+    finish(start_master(scenario, period="0", steps=steps, seed=SEED), [])
     assert process.wait(timeout=10) == 0
     for agent in AGENTS:
         text = (tmp_path / f"node-{agent}.csv").read_text()
