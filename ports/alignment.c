@@ -4,6 +4,7 @@
 #define HALF (ONEBIT_STEP_MODULUS / 2u)
 #define PATIENCE_SETTLED 2u
 #define PATIENCE_LOWEST 1u
+#define PATIENCE_LEAD 16u
 
 void alignment_hear(struct alignment *alignment, uint32_t clock, const onebit_message *message)
 {
@@ -14,11 +15,13 @@ void alignment_hear(struct alignment *alignment, uint32_t clock, const onebit_me
     if (alignment->heard == 0) {
         alignment->error = error;
         alignment->lowest = message->sender;
+        alignment->lowest_error = error;
     }
     alignment->mixed = alignment->mixed || error != alignment->error;
     alignment->on_time = alignment->on_time || error == 0;
     if (message->sender < alignment->lowest) {
         alignment->lowest = message->sender;
+        alignment->lowest_error = error;
     }
     if (alignment->heard != UINT32_MAX) {
         ++alignment->heard;
@@ -34,32 +37,55 @@ static int32_t nearest(uint8_t error, uint32_t next, uint32_t first)
     return (int32_t)error - (int32_t)ONEBIT_STEP_MODULUS;
 }
 
-int32_t alignment_end_step(struct alignment *alignment, uint32_t agent, uint32_t next,
-                           uint32_t first)
+/* Whether all that was heard has been off by the same error for long enough. */
+static bool all_off(struct alignment *alignment, uint32_t agent)
 {
-    struct alignment heard = *alignment;
-    *alignment = (struct alignment){
-        .settled = heard.settled || heard.on_time,
-        .row_error = heard.row_error,
-        .row = heard.row,
-    };
-    if (heard.heard == 0) {
-        return 0;
-    }
-    if (heard.mixed || heard.on_time) {
+    if (alignment->mixed || alignment->on_time) {
         alignment->row = 0;
-        return 0;
+        return false;
     }
-    if (heard.error != heard.row_error) {
-        alignment->row_error = heard.error;
+    if (alignment->error != alignment->row_error) {
+        alignment->row_error = alignment->error;
         alignment->row = 0;
     }
     ++alignment->row;
-    uint32_t patience =
-        1u + (heard.settled ? PATIENCE_SETTLED : 0) + (agent < heard.lowest ? PATIENCE_LOWEST : 0);
-    if (alignment->row < patience) {
+    return alignment->row >= 1u + (alignment->settled ? PATIENCE_SETTLED : 0) +
+                                 (agent < alignment->lowest ? PATIENCE_LOWEST : 0);
+}
+
+/* Whether the lowest number, below the own, has been off by the same error for long enough. */
+static bool lead_off(struct alignment *alignment, uint32_t agent)
+{
+    if (alignment->lowest > agent ||
+        (alignment->lead != 0 && alignment->lowest > alignment->lead)) {
+        return false; /* it was not heard in this step */
+    }
+    if (alignment->lowest != alignment->lead || alignment->lowest_error == 0 ||
+        alignment->lowest_error != alignment->lead_error) {
+        alignment->lead = alignment->lowest;
+        alignment->lead_error = alignment->lowest_error;
+        alignment->lead_row = 0;
+    }
+    alignment->lead_row = alignment->lowest_error == 0 ? 0 : alignment->lead_row + 1u;
+    return alignment->lead_row >= PATIENCE_LEAD;
+}
+
+int32_t alignment_end_step(struct alignment *alignment, uint32_t agent, uint32_t next,
+                           uint32_t first)
+{
+    if (alignment->heard == 0) {
         return 0;
     }
-    *alignment = (struct alignment){0};
-    return nearest(heard.error, next, first);
+    uint8_t error = alignment->error;
+    bool follow = lead_off(alignment, agent);
+    if (all_off(alignment, agent) || follow) {
+        error = follow ? alignment->lead_error : error;
+        *alignment = (struct alignment){0};
+        return nearest(error, next, first);
+    }
+    alignment->settled = alignment->settled || alignment->on_time;
+    alignment->heard = 0;
+    alignment->mixed = false;
+    alignment->on_time = false;
+    return 0;
 }

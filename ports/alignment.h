@@ -16,6 +16,10 @@
  *
  * Of two that hear only each other one always moves first, and a node that has just started moves
  * before one that has been part of the group. A step without frames does not break a row.
+ *
+ * Where many nodes missed SYNC at once, each hears others that are off by different e and would
+ * stay. So a node also follows the lowest number that it hears, if that is below its own, once that
+ * one has been off by the same e in 16 of its messages in a row: the group gathers from the lowest.
  */
 #ifndef ALIGNMENT_H
 #define ALIGNMENT_H
@@ -26,14 +30,18 @@
 #include <stdint.h>
 
 struct alignment {
-    uint32_t heard;    /* messages with a step number in this step */
-    uint32_t lowest;   /* number of their senders */
-    uint8_t error;     /* of the first of them */
-    bool mixed;        /* another had another error */
-    bool on_time;      /* one of them had none */
-    bool settled;      /* heard on time since the start or the last move */
-    uint8_t row_error; /* what this node has been off by ... */
-    uint8_t row;       /* ... for so many steps */
+    uint32_t heard;  /* messages with a step number in this step */
+    uint32_t lowest; /* number of their senders */
+    uint8_t error;   /* of the first of them */
+    uint8_t lowest_error;
+    bool mixed;         /* another had another error */
+    bool on_time;       /* one of them had none */
+    bool settled;       /* heard on time since the start or the last move */
+    uint8_t row_error;  /* what this node has been off by ... */
+    uint8_t row;        /* ... for so many steps */
+    uint32_t lead;      /* the lowest number heard since the start or the last move; 0: none ... */
+    uint8_t lead_error; /* ... what this node has been off by from it ... */
+    uint8_t lead_row;   /* ... for so many of its messages */
 };
 
 /* Takes note of a neighbour's message at clock t; one without step number says nothing. */

@@ -63,12 +63,31 @@ static void test_never_goes_below_the_first_step(void)
 static void test_stays_where_not_all_are_off_by_the_same(void)
 {
     struct alignment alignment = {0};
-    for (int step = 0; step < 10; ++step) {
-        hear(&alignment, 100, 2, 103);
-        hear(&alignment, 100, 3, 104);
+    for (int step = 0; step < 100; ++step) {
+        hear(&alignment, 100, 6, 103);
+        hear(&alignment, 100, 7, 104);
         TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
-        hear(&alignment, 100, 2, 103);
+        hear(&alignment, 100, 2, 100);
+        hear(&alignment, 100, 3, 103);
+        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    }
+}
+
+static void test_follows_the_lowest_number_after_a_while(void)
+{
+    struct alignment alignment = {0};
+    for (int message = 1; message <= 16; ++message) {
         hear(&alignment, 100, 3, 100);
+        hear(&alignment, 100, 2, 107);
+        TEST_ASSERT_EQUAL_INT32(message == 16 ? 7 : 0,
+                                alignment_end_step(&alignment, 5, 101, FIRST));
+        /* Steps in which the lowest is silent neither count nor break the row. */
+        hear(&alignment, 100, 3, 100);
+        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    }
+    for (uint32_t message = 0; message < 100; ++message) {
+        hear(&alignment, 100, 3, 100);
+        hear(&alignment, 100, 2, message % 16 == 0 ? 100 : 107);
         TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
     }
 }
@@ -149,6 +168,43 @@ static void test_a_pair_ends_aligned(void)
     }
 }
 
+/* Seven in the ring with chords of the example, each begun somewhere else. */
+static void test_a_scattered_group_gathers(void)
+{
+    static const uint32_t edges[][2] = {{1, 2}, {2, 3}, {3, 4}, {4, 5}, {5, 6},
+                                        {6, 7}, {7, 1}, {1, 5}, {2, 6}, {4, 7}};
+    uint32_t random = 1;
+    for (int round = 0; round < 2000; ++round) {
+        struct pair_node nodes[8] = {{.clock = 0}};
+        for (uint32_t k = 1; k <= 7; ++k) {
+            random = random * 1664525u + 1013904223u;
+            /* Also clusters that are aligned within. */
+            nodes[k].clock = FIRST + (random >> 16) % (round % 2 == 0 ? 3u : 500u);
+            nodes[k].alignment.settled = random >> 31;
+        }
+        for (int step = 0; step < 120; ++step) {
+            uint32_t clocks[8];
+            for (uint32_t k = 1; k <= 7; ++k) {
+                clocks[k] = nodes[k].clock;
+            }
+            for (uint32_t edge = 0; edge < sizeof edges / sizeof *edges; ++edge) {
+                uint32_t one = edges[edge][0];
+                uint32_t other = edges[edge][1];
+                hear(&nodes[one].alignment, clocks[one], other, clocks[other]);
+                hear(&nodes[other].alignment, clocks[other], one, clocks[one]);
+            }
+            for (uint32_t k = 1; k <= 7; ++k) {
+                int32_t move = alignment_end_step(&nodes[k].alignment, k, clocks[k] + 1, FIRST);
+                nodes[k].clock = (uint32_t)((int64_t)clocks[k] + 1 + move);
+            }
+        }
+        for (uint32_t k = 2; k <= 7; ++k) {
+            TEST_ASSERT_EQUAL_UINT32(nodes[1].clock % ONEBIT_STEP_MODULUS,
+                                     nodes[k].clock % ONEBIT_STEP_MODULUS);
+        }
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -158,6 +214,8 @@ int main(void)
     RUN_TEST(test_silence_and_messages_without_step_say_nothing);
     RUN_TEST(test_patience);
     RUN_TEST(test_another_error_begins_a_new_row);
+    RUN_TEST(test_follows_the_lowest_number_after_a_while);
     RUN_TEST(test_a_pair_ends_aligned);
+    RUN_TEST(test_a_scattered_group_gathers);
     return UNITY_END();
 }
