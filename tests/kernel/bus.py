@@ -176,6 +176,8 @@ def finish(master, nodes, seconds=120):
     except subprocess.TimeoutExpired:
         pytest.fail("the master still runs")
     assert master.returncode == 0, output + errors
+    # In lock step a machine that stands still for long loses messages, and that is no bug.
+    assert "incomplete steps 0" in output, f"the machine is too busy for this test: {output}"
     for node in nodes:
         assert node.wait() == 0, node.errors.read_text()
 

@@ -31,7 +31,7 @@ need mount -t hostfs -o "$work" none "$work"
 # Sorted so that each finds the symbols of those before it.
 for module in net/can/can net/can/can-raw net/can/can-bcm net/can/can-gw \
     drivers/net/can/dev/can-dev drivers/net/can/vcan drivers/net/can/vxcan \
-    drivers/net/can/slcan/slcan; do
+    drivers/net/can/slcan/slcan net/sched/sch_tbf; do
     need insmod "/usr/lib/uml/modules/$(uname -r)/kernel/$module.ko"
 done
 need ip link set lo up

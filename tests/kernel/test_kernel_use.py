@@ -1,6 +1,10 @@
 """onebit-node on a real kernel as a person meets it: bad use, check, demo.sh."""
 
+import ctypes
 import json
+import platform
+import socket
+import struct
 import subprocess
 import time
 
@@ -12,10 +16,10 @@ from test_simulator import variant
 TWO = SCENARIOS / "two-agents.yaml"
 
 
-def call(*arguments):
+def call(*arguments, **options):
     return subprocess.run(
         [str(word) for word in (NODE, *arguments)],
-        capture_output=True, text=True, check=False, timeout=20,
+        capture_output=True, text=True, check=False, timeout=20, **options,
     )  # fmt: skip
 
 
@@ -47,6 +51,43 @@ def test_bad_use_ends_with_one_line_and_status_2(arguments, word):
     assert result.stderr.startswith("onebit-node: ")
     assert word in result.stderr
     assert result.stdout == ""
+
+
+def forbid_can_sockets():
+    """As a container may: socket(AF_CAN, ..) fails with EPERM in this process from now on."""
+    allow, refuse = 0x7FFF0000, 0x00050001  # SECCOMP_RET_ALLOW; SECCOMP_RET_ERRNO, EPERM
+    program = b"".join(
+        struct.pack("=HBBI", *instruction)
+        for instruction in [
+            (0x20, 0, 0, 0),  # load the system call's number
+            (0x15, 0, 3, 41),  # socket, on x86-64
+            (0x20, 0, 0, 16),  # load the first argument
+            (0x15, 0, 1, socket.AF_CAN),
+            (0x06, 0, 0, refuse),
+            (0x06, 0, 0, allow),
+        ]
+    )
+    text = ctypes.create_string_buffer(program)
+    header = struct.pack("@HP", len(program) // 8, ctypes.addressof(text))
+    libc = ctypes.CDLL(None, use_errno=True)
+    no_new_privileges, set_seccomp, filter_mode = 38, 22, 2
+    if libc.prctl(no_new_privileges, 1, 0, 0, 0) or libc.prctl(
+        set_seccomp, filter_mode, ctypes.create_string_buffer(header), 0, 0
+    ):
+        raise OSError(ctypes.get_errno(), "seccomp")
+
+
+@pytest.mark.usefixtures("vcan")
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="numbers of x86-64's system calls")
+def test_no_permission():
+    words = ["--interface", INTERFACE]
+    result = call(TWO, *words, "--agent", 1, "--sync", preexec_fn=forbid_can_sockets)
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert "permi" in result.stderr.lower()
+    result = call("check", *words, preexec_fn=forbid_can_sockets)
+    assert result.returncode == 1
+    assert "right" in result.stdout
 
 
 @pytest.mark.usefixtures("vcan")
@@ -153,6 +194,13 @@ def test_demo_runs_to_its_end_and_leaves_nothing(tmp_path):
         capture_output=True, text=True, check=False, timeout=120, cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stdout + result.stderr
+    assert "SYNC sent 3000" in result.stdout
+    # Of each picture the last column.
+    spreads = [
+        float(line.split()[-2]) for line in result.stdout.splitlines() if line.endswith(" m")
+    ]
+    assert len(spreads) > 5
+    assert spreads[-1] < spreads[0]
     assert links() == before
     assert "onebit-node" not in processes()
     assert list(tmp_path.iterdir()) == []

@@ -186,7 +186,7 @@ def run_on_host(words, command, time_limit):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--kernel", choices=["any", "host", "uml"], default="any")
-    parser.add_argument("--time-limit", type=float, default=300, metavar="SECONDS")
+    parser.add_argument("--time-limit", type=float, default=900, metavar="SECONDS")
     parser.add_argument("command", nargs=argparse.REMAINDER, metavar="COMMAND ..")
     arguments = parser.parse_args()
     if not arguments.command:
