@@ -14,7 +14,7 @@
 enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 #define MISSING LOOP_SECOND /* a step of period 0 waits no longer for its messages */
-#define STOP_ATTEMPTS 1000         /* LOOP_RETRY apart */
+#define STOP_ATTEMPTS 1000  /* LOOP_RETRY apart */
 
 struct state {
     const struct master *master;
