@@ -8,8 +8,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 node=${ONEBIT_BUILD:-$here/build/host}/bin/onebit-node
 scenario=$here/sim/scenarios/aircraft-fixed-broadcast.yaml
 interface=vcan0
-period=5ms
-steps=2500
+period=8ms
+steps=3000
 agents=7
 
 fail() {

@@ -453,20 +453,25 @@ static bool summarize(const struct nodes *nodes, const struct node *list, double
 
 static void show_status(const struct node *list, uint32_t count)
 {
-    struct machine_report report;
-    list[0].verbs->report(list[0].machine, &report);
-    double worst = report.disagreement;
-    for (uint32_t k = 1; k < count; ++k) {
-        struct machine_report other;
-        list[k].verbs->report(list[k].machine, &other);
-        worst = fmax(worst, other.disagreement);
+    struct machine_report first;
+    double worst = (double)NAN;
+    list[0].verbs->report(list[0].machine, &first);
+    for (uint32_t k = 0; k < count; ++k) {
+        struct machine_report report;
+        list[k].verbs->report(list[k].machine, &report);
+        worst = fmax(worst, report.disagreement); /* of a number and NaN the number */
     }
-    fprintf(stderr, "\r\033[Kstep %lu, t %lu, in %" PRIu64 ", out %" PRIu64 ", disagreement %.3g%s",
-            (unsigned long)report.steps, (unsigned long)report.clock, list[0].frames_in,
-            list[0].socketcan.counts.sent, worst,
-            list[0].socketcan.down ? ", the interface is down"
-            : list[0].in_step      ? ""
-                                   : ", waiting for the first step");
+    fprintf(stderr, "\r\033[Kstep %lu, t %lu, frames in %" PRIu64 ", out %" PRIu64,
+            (unsigned long)first.steps, (unsigned long)first.clock, list[0].frames_in,
+            list[0].socketcan.counts.sent);
+    if (!isnan(worst)) {
+        fprintf(stderr, ", disagreement %.3g", worst);
+    }
+    if (list[0].socketcan.down) {
+        fputs(", the interface is down", stderr);
+    } else if (!list[0].in_step) {
+        fputs(", waiting for the first step", stderr);
+    }
 }
 
 /* --- a process's life --- */
