@@ -115,12 +115,19 @@ static void set_next(struct state *state, uint64_t now)
         return;
     }
     uint64_t period = (uint64_t)(state->master->period * LOOP_SECOND);
-    state->next += period;
-    if (state->next <= now) {
-        /* A whole period was missed; nodes would refuse what follows at once as too soon. */
+    if (now - state->next > period / 2) {
+        /* Nodes would refuse a next SYNC that keeps to the old times as too soon. */
         ++state->deadline_misses;
-        state->next = now + period;
+        state->next = now;
     }
+    state->next += period;
+}
+
+/* After a SYNC that had to wait: what followed in less than half a period would be refused. */
+static void set_next_after_delay(struct state *state, uint64_t now)
+{
+    state->next = now;
+    set_next(state, now);
 }
 
 static void revive(struct state *state, uint64_t now)
@@ -164,8 +171,8 @@ static void run(struct state *state)
             state->late += state->waiting;
             set_next(state, now);
             send_sync(state, now);
-        } else if (state->waiting && now >= state->try_time) {
-            send_sync(state, now);
+        } else if (state->waiting && now >= state->try_time && send_sync(state, now)) {
+            set_next_after_delay(state, now);
         }
         if (status_line && now >= status_time) {
             status_time = now + LOOP_STATUS;

@@ -77,8 +77,7 @@ static bool set_options(int handle)
            set_option(handle, SOL_SOCKET, SO_RXQ_OVFL, 1);
 }
 
-bool socketcan_filter(struct socketcan *socketcan, const struct socketcan_filter *filters,
-                      uint32_t count)
+static bool apply_filters(int handle, const struct socketcan_filter *filters, uint32_t count)
 {
     struct can_filter kernel[SOCKETCAN_FILTERS_MAX];
     for (uint32_t k = 0; k < count; ++k) {
@@ -86,8 +85,21 @@ bool socketcan_filter(struct socketcan *socketcan, const struct socketcan_filter
         kernel[k].can_id = filters[k].identifier | (filters[k].extended ? CAN_EFF_FLAG : 0);
         kernel[k].can_mask = filters[k].mask | CAN_EFF_FLAG;
     }
-    return setsockopt(socketcan->handle, SOL_CAN_RAW, CAN_RAW_FILTER, kernel,
+    return setsockopt(handle, SOL_CAN_RAW, CAN_RAW_FILTER, kernel,
                       (socklen_t)(count * sizeof *kernel)) == 0;
+}
+
+bool socketcan_filter(struct socketcan *socketcan, const struct socketcan_filter *filters,
+                      uint32_t count)
+{
+    if (!apply_filters(socketcan->handle, filters, count)) {
+        return false;
+    }
+    if (count != 0) {
+        memcpy(socketcan->filters, filters, count * sizeof *filters);
+    }
+    socketcan->filter_count = count;
+    return true;
 }
 
 bool socketcan_open(struct socketcan *socketcan, const char *interface,
@@ -239,7 +251,9 @@ bool socketcan_revive(struct socketcan *socketcan)
         ioctl(socketcan->handle, SIOCGIFINDEX, &request) != 0) {
         return false;
     }
-    /* Binding again changes nothing on the same interface; it is needed on a new one. */
-    socketcan->down = !bind_to(socketcan->handle, request.ifr_ifindex);
+    /* Neither changes anything on the same interface; a new one needs both. */
+    socketcan->down =
+        !bind_to(socketcan->handle, request.ifr_ifindex) ||
+        !apply_filters(socketcan->handle, socketcan->filters, socketcan->filter_count);
     return !socketcan->down;
 }

@@ -38,6 +38,9 @@ struct socketcan {
     bool down;         /* the interface is; see socketcan_revive */
     uint32_t overflow; /* the kernel's own count of lost frames, modulo 2^32 */
     char name[SOCKETCAN_NAME_MAX];
+    struct socketcan_filter filters[SOCKETCAN_FILTERS_MAX]; /* the kernel forgets them with the
+                                                               interface */
+    uint32_t filter_count;
     struct socketcan_counts counts;
 };
 
@@ -49,7 +52,8 @@ bool socketcan_open(struct socketcan *socketcan, const char *interface,
                     const struct socketcan_filter *filters, uint32_t count,
                     struct problem *problem);
 
-/* Sets the filters anew; false when the kernel has no memory for them, and the old ones stay. */
+/* Sets the filters anew, at most SOCKETCAN_FILTERS_MAX; false when the kernel has no memory for
+ * them, and the old ones stay. */
 bool socketcan_filter(struct socketcan *socketcan, const struct socketcan_filter *filters,
                       uint32_t count);
 
