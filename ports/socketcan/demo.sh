@@ -8,8 +8,8 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 node=${ONEBIT_BUILD:-$here/build/host}/bin/onebit-node
 scenario=$here/sim/scenarios/aircraft-fixed-broadcast.yaml
 interface=vcan0
-period=8ms
-steps=3000
+period=25ms
+steps=600
 agents=7
 
 fail() {
@@ -108,7 +108,7 @@ show() {
 }
 while kill -0 "$master" 2>/dev/null; do
     show
-    sleep 0.5
+    sleep 0.7
 done
 wait "$master" || fail "$(cat "$folder/master.err")"
 for agent in $(seq "$agents"); do

@@ -193,7 +193,7 @@ def test_demo_runs_to_its_end_and_leaves_nothing(tmp_path):
         capture_output=True, text=True, check=False, timeout=120, cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "SYNC sent 3000" in result.stdout
+    assert "SYNC sent 600" in result.stdout
     # Of each picture the last column.
     spreads = [
         float(line.split()[-2]) for line in result.stdout.splitlines() if line.endswith(" m")
