@@ -16,7 +16,6 @@
 
 #include "onebit_limits.h"
 
-#include <lapacke.h>
 #include <math.h>
 #include <string.h>
 
@@ -35,22 +34,60 @@ struct loop {
     double unagreed[STATES][STATES]; /* I - v1 K2 */
 };
 
+/*
+ * Solves matrix solution = right in place, the solution left in `right`; false if it is singular.
+ * Elimination with the largest pivot of each column: at most STATES rows are not worth LAPACK,
+ * whose libraries would be most of a bus node's memory.
+ */
+static bool solve(size_t n, double (*matrix)[STATES], double *right)
+{
+    for (size_t column = 0; column < n; column++) {
+        size_t pivot = column;
+        for (size_t row = column + 1; row < n; row++) {
+            pivot = fabs(matrix[row][column]) > fabs(matrix[pivot][column]) ? row : pivot;
+        }
+        if (!(fabs(matrix[pivot][column]) > 0)) {
+            return false;
+        }
+        for (size_t k = 0; k < n; k++) {
+            double element = matrix[column][k];
+            matrix[column][k] = matrix[pivot][k];
+            matrix[pivot][k] = element;
+        }
+        double element = right[column];
+        right[column] = right[pivot];
+        right[pivot] = element;
+        for (size_t row = column + 1; row < n; row++) {
+            double factor = matrix[row][column] / matrix[column][column];
+            for (size_t k = column; k < n; k++) {
+                matrix[row][k] -= factor * matrix[column][k];
+            }
+            right[row] -= factor * right[column];
+        }
+    }
+    for (size_t row = n; row-- > 0;) {
+        for (size_t k = row + 1; k < n; k++) {
+            right[row] -= matrix[row][k] * right[k];
+        }
+        right[row] /= matrix[row][row];
+    }
+    return true;
+}
+
 /* v1 from (I - (A + B K1) + B K2) v1 = B, which holds for no other vector. */
 static bool find_agreed(const struct scenario *scenario, struct loop *loop)
 {
-    double matrix[STATES * STATES];
-    lapack_int pivots[STATES];
+    double matrix[STATES][STATES];
     size_t n = loop->n;
     for (size_t row = 0; row < n; row++) {
         loop->agreed[row] = scenario->B[row];
         for (size_t k = 0; k < n; k++) {
-            matrix[row * n + k] =
+            matrix[row][k] =
                 (row == k ? 1 : 0) - scenario->A[row * n + k] -
                 scenario->B[row] * (scenario->stabilizing[k] - scenario->compression[k]);
         }
     }
-    return LAPACKE_dgesv(LAPACK_ROW_MAJOR, (lapack_int)n, 1, matrix, (lapack_int)n, pivots,
-                         loop->agreed, 1) == 0;
+    return solve(n, matrix, loop->agreed);
 }
 
 static void split_loop(const struct scenario *scenario, struct loop *loop)
