@@ -57,12 +57,8 @@ static inline uint32_t onebit_cdf_minus(int32_t u, uint32_t bit)
  */
 static inline uint32_t onebit_cdf(int32_t u)
 {
-    if (u > ONEBIT_CDF_END) {
-        u = ONEBIT_CDF_END;
-    } else if (u < -ONEBIT_CDF_END) {
-        u = -ONEBIT_CDF_END;
-    }
-    return onebit_cdf_minus(u, 0);
+    const int32_t end = ONEBIT_CDF_END;
+    return onebit_cdf_minus(u > end ? end : (u < -end ? -end : u), 0);
 }
 
 #ifdef __cplusplus

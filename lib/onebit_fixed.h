@@ -62,24 +62,25 @@ static inline bool onebit_finite(onebit_real value)
 
 static inline int32_t onebit_saturate(int64_t value)
 {
-    if (value > INT32_MAX) {
-        return INT32_MAX;
-    }
-    return value < INT32_MIN ? INT32_MIN : (int32_t)value;
+    int32_t lower = (int32_t)value;
+    return lower == value ? lower : (int32_t)(value >> 63) ^ INT32_MAX; /* either end */
 }
 
 /* value * 2^-shift to the nearest, saturated; |value| <= 2^62, any shift. */
 static inline int32_t onebit_rescale(int64_t value, int shift)
 {
     if (shift > 0) {
-        /* Rounding adds at most 2^61. */
-        return shift > 62 ? 0 : onebit_saturate((value + ((int64_t)1 << (shift - 1))) >> shift);
+        /* One place is left to round by; from 64 on it is 0 or -1, and the result 0. */
+        value >>= shift > 64 ? 63 : shift - 1;
+        return onebit_saturate((value + 1) >> 1);
     }
-    if (shift < -31) {
-        shift = -31; /* any other number than 0 saturates from here on */
+    /* Any other number than 0 saturates from 31 on. */
+    int places = shift < -31 ? 31 : -shift;
+    int32_t result = onebit_saturate(value);
+    if (result > INT32_MAX >> places || result < INT32_MIN >> places) {
+        return (result >> 31) ^ INT32_MAX;
     }
-    /* Saturated before it is scaled: the product then stays within 2^62. */
-    return onebit_saturate((int64_t)onebit_saturate(value) * ((int64_t)1 << -shift));
+    return (int32_t)((uint32_t)result << places);
 }
 
 static inline int32_t onebit_difference(onebit_real minuend, onebit_real subtrahend)
@@ -97,18 +98,22 @@ static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint
     if (limit == 0) {
         return true;
     }
-    return bits < 0 ? ((uint64_t)coefficient.value << -bits) <= limit
-                    : (bits > 31 || coefficient.value <= ((uint64_t)limit << bits));
+    return bits < 0 ? coefficient.value <= limit >> -bits
+                    : bits > 31 || (coefficient.value - 1u) >> bits < limit;
 }
 
 /* A row is valid when its entries' magnitudes add to less than 2^31: see onebit_dot. */
 static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
 {
-    int64_t sum = 0;
+    uint32_t room = INT32_MAX;
     for (unsigned k = 0; k < count; ++k) {
-        sum += row[k] < 0 ? -(int64_t)row[k] : row[k];
+        uint32_t magnitude = row[k] < 0 ? 0u - (uint32_t)row[k] : (uint32_t)row[k];
+        if (magnitude > room) {
+            return false;
+        }
+        room -= magnitude;
     }
-    return sum <= INT32_MAX;
+    return true;
 }
 
 /* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
