@@ -150,6 +150,7 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
  */
 static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_t innovation)
 {
+    uint32_t fraction;
     int32_t product = onebit_scaled_signed(innovation, gain.mantissa);
 
     /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^(places + 1). */
@@ -165,12 +166,11 @@ static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_
             }
             places = 0;
         } else {
-            product >>= places > 62 ? 31 : places - 31;
+            product = onebit_shifted(product, places > 62 ? 31 : (unsigned)places - 32u, &fraction);
             places = 31;
         }
     }
     /* |step| <= 2^30 added to 2^29 fits, and so does the carry. */
-    uint32_t fraction;
     int32_t step = onebit_shifted(product, (unsigned)places, &fraction);
     link->carry += fraction;
     link->estimate += step + (link->carry < fraction);
