@@ -220,8 +220,10 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_FALSE(host.channel.heard);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&device));
     TEST_ASSERT_TRUE(device.channel.open);
+    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&host));
     TEST_ASSERT_TRUE(host.channel.heard);
+    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
     TEST_ASSERT_EQUAL(1, host.channel.counts.refused); /* C of a closed channel */
     /* A device that was open before is open again. */
     TEST_ASSERT_TRUE(channel_open(&host.channel, 6));
@@ -229,9 +231,17 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_TRUE(device.channel.open);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&host));
     TEST_ASSERT_EQUAL(1, host.channel.counts.refused);
+    TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x080}));
+    TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x80,
+                                                                  .flags = ONEBIT_FRAME_EXTENDED}));
     TEST_ASSERT_TRUE(channel_close(&host.channel));
+    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
+    TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
+    TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&device));
     TEST_ASSERT_FALSE(device.channel.open);
+    TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&host));
+    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, send(&host, &(onebit_frame){.identifier = 0x080}));
 }
 

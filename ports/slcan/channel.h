@@ -44,11 +44,12 @@ struct channel_counts {
 struct channel {
     struct channel_hooks hooks;
     bool host;
-    bool open;        /* frames pass; else the transport is down */
-    bool listen_only; /* device: the host opened it so; its frames are refused */
-    bool heard;       /* the other end has ended a line, or refused */
-    uint8_t pending;  /* characters of `out` that the line has yet to take ... */
-    uint8_t next;     /* ... from here on */
+    bool open;           /* frames pass; else the transport is down */
+    bool listen_only;    /* device: the host opened it so; its frames are refused */
+    bool heard;          /* the other end has ended a line, or refused */
+    uint16_t unanswered; /* host: lines sent and not answered; grows where nobody answers */
+    uint8_t pending;     /* characters of `out` that the line has yet to take ... */
+    uint8_t next;        /* ... from here on */
     uint8_t out[SLCAN_LINE_MAX + 1];
     struct slcan_parser parser;
     struct channel_counts counts;

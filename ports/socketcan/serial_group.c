@@ -284,30 +284,43 @@ static void run(struct group *group)
             wait_for_line(group, group->next);
         }
     }
+    /* A signal came in a step: the stop will end it behind the line too. */
+    if (group->in_step && !group->sync_waits) {
+        end_step(group);
+    }
     if (status_line) {
         fputs("\r\033[K", stderr);
     }
 }
 
-/* Tells the nodes behind the line that it is over, and an adapter to leave the bus. */
+/*
+ * Tells the nodes behind the line that it is over, and an adapter to leave the bus. What is written
+ * may be lost when the line is closed, so this waits for the last answer. True if all was written.
+ */
 static bool say_stop(struct group *group)
 {
     uint64_t until = loop_now(CLOCK_MONOTONIC) + LAST_BYTES;
     onebit_frame frame;
-    canopen_stop_all(&frame);
+    uint64_t time;
     bool stopped = false;
     bool closed = false;
-    bool gone = false;
-    while (!gone && !group->serial.down && loop_now(CLOCK_MONOTONIC) < until) {
+    bool written = false;
+    while (!group->serial.down && loop_now(CLOCK_MONOTONIC) < until &&
+           (!written || group->channel.unanswered != 0)) {
+        canopen_stop_all(&frame);
         stopped =
             stopped || group->transport.send(group->transport.context, &frame) == TRANSPORT_DONE;
         closed = closed || (stopped && channel_close(&group->channel));
-        gone = closed && channel_flush(&group->channel) && serial_flush(&group->serial);
-        if (!gone) {
+        written = closed && channel_flush(&group->channel) && serial_flush(&group->serial);
+        if (!written || group->channel.unanswered != 0) {
             usleep(LOOP_RETRY / 1000);
         }
+        /* Messages are nobody's any more, answers are counted. */
+        while (group->transport.receive(group->transport.context, &frame, &time) ==
+               TRANSPORT_DONE) {
+        }
     }
-    return gone;
+    return written;
 }
 
 /* --- what is told --- */
