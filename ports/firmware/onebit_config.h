@@ -1,7 +1,8 @@
+/* clang-format off */
 /*
- * Constants of the system "aircraft-integer", written by onebit-design; change the system's file,
- * not this one. 7 agents of 4 states, broadcast mode, payload encoding, a step every 0.5 s. In the
- * paper's units:
+ * Constants of the system "aircraft-integer", written by onebit-design; change the system's file, not
+ * this one. 7 agents of 4 states, broadcast mode, payload encoding, a step every
+ * 0.5 s. In the paper's units:
  *
  *   beta = 1500.0, gamma = 1.0, t0 = 10, c = -2.0, M = 2.0, sigma = 4.0
  *
@@ -12,7 +13,6 @@
  *
  * Initial estimates are 0, which NULL means.
  */
-/* clang-format off */
 #ifndef ONEBIT_CONFIG_H
 #define ONEBIT_CONFIG_H
 
