@@ -4,21 +4,22 @@ QEMU's serial line, which speaks slcan. All have the bits of the simulator's run
 import os
 import re
 import shutil
-import struct
 import subprocess
+import sys
 import time
-import zlib
 
 import pytest
-from simulator import BUILD, ROOT, SCENARIOS, call, rows, run
+from simulator import BUILD, ROOT, SCENARIOS, SIMULATOR, call, rows, run
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+import one_answer
 
 NODE = BUILD / "bin/onebit-node"
 SCENARIO = SCENARIOS / "aircraft-integer.yaml"
 IN_FIRMWARE = 3  # CONFIG of ports/firmware/node.c
 OTHERS = "1-2,4-7"
 STEPS = 2000
-SIGMA = 4
-ESTIMATE_BITS = 27  # the library's Q4.27
 # Longer than any machine stands still; nothing waits so long unless it is broken.
 PATIENCE = 300
 
@@ -29,7 +30,7 @@ def program(name, package):
 
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory):
-    """The image, and the configuration's constants as the firmware has them."""
+    """The image."""
     program("arm-none-eabi-gcc", "gcc-arm-none-eabi, picolibc-arm-none-eabi")
     folder = tmp_path_factory.mktemp("cortex-m3")
     # Flags for a host's sanitizers are not for this compiler.
@@ -89,29 +90,6 @@ def replay(log, agent):
     return result.stdout
 
 
-def checksum(csv, control_bits):
-    """ports/firmware/checksum.h of a replay, by zlib: each step's estimates, then its control."""
-    header, *lines = csv.splitlines()
-    names = header.split(",")
-    register = 0
-    for text in lines:
-        row = dict(zip(names, map(float, text.split(",")), strict=True))
-        values = [
-            row[name] / SIGMA * 2.0**ESTIMATE_BITS for name in names if name.startswith("zhat")
-        ]
-        values.append(row["u"] * 2.0**control_bits)
-        assert all(value.is_integer() for value in values), text
-        words = [int(value) for value in values]
-        register = zlib.crc32(struct.pack(f"<{len(words)}i", *words), register)
-    return f"{register:08x}"
-
-
-def config_number(name):
-    """A constant of the header that the firmware is compiled with."""
-    header = (ROOT / "ports/firmware/onebit_config.h").read_text()
-    return int(re.search(rf"^#define ONEBIT_CONFIG_{name} (\d+)", header, re.MULTILINE).group(1))
-
-
 def test_firmware_and_host_compute_the_simulators_bits(board, tmp_path):
     process, line = board
     run(SCENARIO, arith="q31", steps=STEPS, out=tmp_path / "out", log=tmp_path / "sim.log")
@@ -128,21 +106,19 @@ def test_firmware_and_host_compute_the_simulators_bits(board, tmp_path):
         assert len(csv.splitlines()) == 1 + STEPS
 
     # The one in firmware: every estimate and control by checksum, the state after the last step.
-    state_bits = config_number("STATE_FRACTION_BITS")
+    steps = one_answer.replayed(SIMULATOR, tmp_path / "sim.log", IN_FIRMWARE)
+    checksum = one_answer.checksums(steps)[STEPS]
     last = [
         row
         for row in rows(tmp_path / "out/trajectory.csv")
         if int(row["step"]) == STEPS and int(row["agent"]) == IN_FIRMWARE
     ]
-    states = [float(last[0][f"x{k}"]) * 2.0**state_bits for k in range(1, 5)]
-    assert all(value.is_integer() for value in states)
-    wanted = checksum(
-        replay(tmp_path / "sim.log", IN_FIRMWARE), config_number("CONTROL_FRACTION_BITS")
-    )
-    words = " ".join(f"{int(value) & 0xFFFFFFFF:08x}" for value in states)
+    unit = 2.0 ** one_answer.define("ONEBIT_CONFIG_STATE_FRACTION_BITS")
+    states = [one_answer.integer(float(last[0][f"x{k}"]) * unit) for k in range(1, 5)]
+    words = " ".join(f"{state & 0xFFFFFFFF:08x}" for state in states)
     assert output == (
-        f"agent {IN_FIRMWARE} steps {STEPS} checksum {wanted} states {words} late 0 refused 0 "
-        "aligned 0 lines_dropped 0 bytes_lost 0\n"
+        f"agent {IN_FIRMWARE} steps {STEPS} checksum {checksum:08x} states {words} "
+        "late 0 refused 0 aligned 0 lines_dropped 0 bytes_lost 0\n"
     )
 
 
