@@ -1,10 +1,11 @@
 # What `cmake --install` puts in place: archives, headers, the package onebit for CMake's find_package,
 # and onebit.pc, onebit-f64.pc, onebit-f32.pc, onebit-q31.pc for pkg-config. Nothing in them names
-# the place, so that the installed tree can be moved.
+# the place, so that the installed tree can be moved. Needs `arithmetics` of CMakeLists.txt.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
-install(TARGETS onebit_base onebit_f64 onebit_f32 onebit_q31
+list(TRANSFORM arithmetics PREPEND onebit_ OUTPUT_VARIABLE libraries)
+install(TARGETS onebit_base ${libraries}
     EXPORT onebit
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/onebit)
@@ -33,7 +34,7 @@ set(pc_include "\${prefix}")
 cmake_path(APPEND pc_include ${CMAKE_INSTALL_INCLUDEDIR} onebit)
 
 # onebit.pc is q31 by its full name.
-foreach(arithmetic IN ITEMS f64 f32 q31)
+foreach(arithmetic IN LISTS arithmetics)
     string(TOUPPER ${arithmetic} name)
     set(pc_libraries "-lonebit_${arithmetic} -lonebit_base")
     if(arithmetic STREQUAL f64)

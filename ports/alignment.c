@@ -66,7 +66,9 @@ static bool lead_off(struct alignment *alignment, uint32_t agent)
         alignment->lead_error = alignment->lowest_error;
         alignment->lead_row = 0;
     }
-    alignment->lead_row = alignment->lowest_error == 0 ? 0 : alignment->lead_row + 1u;
+    if (alignment->lowest_error != 0) {
+        ++alignment->lead_row;
+    }
     return alignment->lead_row >= PATIENCE_LEAD;
 }
 

@@ -1,0 +1,6 @@
+# Toolchain file: Cortex-M0, run on QEMU's micro:bit (nRF51822).
+set(processor -mcpu=cortex-m0)
+set(board microbit)
+set(linker_script microbit.ld)
+set(systick_megahertz 16)
+include(${CMAKE_CURRENT_LIST_DIR}/cortex-m.cmake)
