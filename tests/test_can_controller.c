@@ -325,6 +325,7 @@ static void test_time_of_a_frame_older_than_the_start(void)
     arrive_identifier(0x101);
     TEST_ASSERT_EQUAL_HEX32(0x101, next_identifier(&time));
     TEST_ASSERT_EQUAL_UINT64(can_controller_now(&can) - 5u * TICK, time);
+    TEST_ASSERT_TRUE(time < can_controller_now(&can)); /* nor does it wrap below 0 */
 }
 
 static void test_full_queue_keeps_what_is_older_and_counts(void)
@@ -843,6 +844,45 @@ static void test_sync_too_soon_is_refused(void)
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.steps);
 }
 
+/* Another transport: SYNC at the times of a list, nothing to withdraw. */
+struct times {
+    const uint64_t *list;
+    unsigned count;
+};
+
+static enum transport_status receive_time(void *context, onebit_frame *frame, uint64_t *nanoseconds)
+{
+    struct times *times = context;
+    if (times->count == 0) {
+        return TRANSPORT_LATER;
+    }
+    --times->count;
+    *frame = sync_frame();
+    *nanoseconds = *times->list++;
+    return TRANSPORT_DONE;
+}
+
+static enum transport_status send_nothing(void *context, const onebit_frame *frame)
+{
+    (void)context;
+    (void)frame;
+    return TRANSPORT_LATER;
+}
+
+static void test_any_transport(void)
+{
+    static const uint64_t list[] = {0, 1, STEP * TICK, 2 * STEP * TICK};
+    struct times times = {list, 4};
+    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    loop.transport =
+        (struct transport){.context = &times, .send = send_nothing, .receive = receive_time};
+    step_loop_run(&loop);
+    TEST_ASSERT_EQUAL_UINT32(2, loop.counts.steps);
+    TEST_ASSERT_EQUAL_UINT32(1, loop.counts.sync_refused);
+    TEST_ASSERT_EQUAL_UINT32(2, loop.counts.late);
+    TEST_ASSERT_TRUE(loop.in_step);
+}
+
 /* A flooded bus takes a bounded time a call, and the rest later. */
 static void test_a_call_is_bounded(void)
 {
@@ -901,6 +941,7 @@ int main(void)
     RUN_TEST(test_link_mode);
     RUN_TEST(test_frames_that_do_not_count);
     RUN_TEST(test_sync_too_soon_is_refused);
+    RUN_TEST(test_any_transport);
     RUN_TEST(test_a_call_is_bounded);
     RUN_TEST(test_alignment);
     return UNITY_END();
