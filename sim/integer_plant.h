@@ -7,17 +7,16 @@
 
 #include "onebit_limits.h"
 
-#include <stdbool.h>
 #include <stdint.h>
 
 struct integer_plant {
-    uint32_t state_count;
+    unsigned state_count; /* n, 1..ONEBIT_STATES_MAX */
     int A_fraction_bits;
     int B_fraction_bits;
     int state_fraction_bits;
     int control_fraction_bits;
-    int32_t A[ONEBIT_STATES_MAX][ONEBIT_STATES_MAX]; /* magnitudes of a row add to < 2^31 */
-    int32_t B[ONEBIT_STATES_MAX];
+    const int32_t *A; /* n x n, row-major; magnitudes of a row add to < 2^31 */
+    const int32_t *B; /* n */
 };
 
 /*

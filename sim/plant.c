@@ -36,7 +36,8 @@ void plant_build(struct plant *plant, const struct scenario *scenario,
                  const struct formats *formats)
 {
     uint32_t n = scenario->state_count;
-    *plant = (struct plant){n, scenario->A, scenario->B, scenario->integer_plant, {0}};
+    *plant = (struct plant){
+        .state_count = n, .A = scenario->A, .B = scenario->B, .integer = scenario->integer_plant};
     if (!plant->integer) {
         return;
     }
@@ -46,11 +47,13 @@ void plant_build(struct plant *plant, const struct scenario *scenario,
     integer->B_fraction_bits = row_fraction_bits(scenario->B, n, 1);
     integer->state_fraction_bits = formats->state;
     integer->control_fraction_bits = formats->control;
+    integer->A = plant->fixed_A;
+    integer->B = plant->fixed_B;
     for (uint32_t i = 0; i < n; ++i) {
         for (uint32_t k = 0; k < n; ++k) {
-            integer->A[i][k] = fixed(scenario->A[i * n + k], integer->A_fraction_bits);
+            plant->fixed_A[i * n + k] = fixed(scenario->A[i * n + k], integer->A_fraction_bits);
         }
-        integer->B[i] = fixed(scenario->B[i], integer->B_fraction_bits);
+        plant->fixed_B[i] = fixed(scenario->B[i], integer->B_fraction_bits);
     }
 }
 

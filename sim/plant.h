@@ -6,12 +6,15 @@
 #include "integer_plant.h"
 #include "scenario.h"
 
+/* Stays where it was built: the integer plant points into it. */
 struct plant {
     uint32_t state_count;
     const double *A; /* of the scenario */
     const double *B;
     bool integer;
-    struct integer_plant fixed; /* where integer */
+    struct integer_plant fixed; /* where integer; its A and B are these: */
+    int32_t fixed_A[ONEBIT_STATES_MAX * ONEBIT_STATES_MAX];
+    int32_t fixed_B[ONEBIT_STATES_MAX];
 };
 
 void plant_build(struct plant *plant, const struct scenario *scenario,

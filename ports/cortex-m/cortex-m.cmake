@@ -10,7 +10,7 @@ set(CMAKE_C_COMPILER arm-none-eabi-gcc)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
 set(CMAKE_C_FLAGS_INIT
-    "${processor} -mthumb --specs=picolibc.specs -ffunction-sections -fdata-sections")
+    "${processor} --specs=picolibc.specs -ffunction-sections -fdata-sections")
 
 set(ONEBIT_PLATFORM cortex-m)
 set(ONEBIT_LINKER_SCRIPT ${linker_script})

@@ -1,6 +1,6 @@
 # Toolchain file: Cortex-M4 with its single-precision floating-point unit, run on QEMU's MPS2 with
 # FPGA image AN386.
-set(processor "-mcpu=cortex-m4 -mfpu=fpv4-sp-d16 -mfloat-abi=hard")
+set(processor "-mcpu=cortex-m4 -mfloat-abi=hard")
 set(board mps2-an386)
 set(linker_script mps2.ld)
 set(systick_megahertz 25)

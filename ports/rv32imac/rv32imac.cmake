@@ -8,7 +8,7 @@ set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 # ISA 2.2 still counts the counters among I: Debian's picolibc has no library for rv32imac_zicsr.
 set(processor "-march=rv32imac -mabi=ilp32 -misa-spec=2.2")
 set(CMAKE_C_FLAGS_INIT
-    "${processor} -mcmodel=medany --specs=picolibc.specs -ffunction-sections -fdata-sections")
+    "${processor} --specs=picolibc.specs -ffunction-sections -fdata-sections")
 set(CMAKE_ASM_FLAGS_INIT ${processor})
 
 set(ONEBIT_PLATFORM rv32imac)

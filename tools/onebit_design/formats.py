@@ -95,6 +95,16 @@ def _fit_row(row: np.ndarray, scale: float) -> int:
     return -1
 
 
+def fit_plant_rows(rows: np.ndarray) -> int:
+    """sim/plant.c's row_fraction_bits: most, up to 30, at which the magnitudes of every row's
+    integers add to less than 2^31, whichever way they are rounded."""
+    largest = max(sum(abs(float(value)) for value in row) for row in rows)
+    bits = 30
+    while bits > 0 and largest * 2.0**bits + rows.shape[1] > WORD - 1:
+        bits -= 1
+    return bits
+
+
 def choose(system: System) -> Formats:
     state_range, control_range = _ranges(system)
     if not math.isfinite(state_range):

@@ -1,7 +1,7 @@
 """onebit_config.h: a system's constants as the library's configurations, for f32 and q31.
 
-The q31 integers are those that sim/group.c computes from the scenario, so that firmware and
-simulator command the same bits.
+The q31 integers are those that sim/group.c and sim/plant.c compute from the scenario, so that
+firmware and simulator command the same bits.
 """
 
 import math
@@ -11,7 +11,7 @@ import jinja2
 import numpy as np
 
 from .bus_cost import base_of
-from .formats import Formats
+from .formats import Formats, fit_plant_rows
 from .system import System
 
 NOISE_FRACTION_BITS = 27  # Q4.27, the library's noise units in q31
@@ -26,6 +26,28 @@ def fixed(value: float, bits: int) -> int:
     if scaled <= -(2.0**31):
         return -(2**31)
     return int(scaled + math.copysign(0.5, scaled))
+
+
+def rounded(value: float, bits: int) -> int:
+    """sim/plant.c's fixed: the same, where `fixed` takes 2^-54 below a half for a half."""
+    magnitude = abs(value) * 2.0**bits
+    whole = math.floor(magnitude)
+    whole += magnitude - whole >= 0.5
+    return min(whole, WORD_LAST) if value > 0 else -min(whole, WORD_LAST + 1)
+
+
+def _plant(system: System, formats: Formats) -> dict:
+    """The integer plant: fraction bits of A and B, their integers, the agents' first states."""
+    A_bits, B_bits = fit_plant_rows(system.A), fit_plant_rows(system.B[:, np.newaxis])
+    return {
+        "A_bits": A_bits,
+        "B_bits": B_bits,
+        "A": [[rounded(float(value), A_bits) for value in row] for row in system.A],
+        "B": [rounded(float(value), B_bits) for value in system.B],
+        "initial": [
+            [rounded(float(value), formats.state) for value in row] for row in system.initial_states
+        ],
+    }
 
 
 def coefficient(value: float) -> tuple[int, int]:
@@ -83,6 +105,7 @@ def render(system: System, formats: Formats) -> str:
         room=_room,
         base=base_of(system.bus) if system.mode == "broadcast" else 0,
         neighbours=neighbours,
+        plant=_plant(system, formats) if system.integer_plant else None,
         q31={
             "stabilizing": [fixed(value, formats.stabilizing) for value in system.K1],
             "compression": [fixed(value, formats.compression) for value in scaled],

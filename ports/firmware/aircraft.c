@@ -1,0 +1,154 @@
+/*
+ * Seven aircraft on one chip: the agents of sim/scenarios/aircraft-integer.yaml, each with its
+ * machine in integers, on a bus that is a call. Prints after some steps, for each agent, the CRC-32
+ * of all estimates and controls so far, which must be the same on every processor: aircraft.txt.
+ *
+ * The checksum is the CRC of Ethernet, zlib and gzip over 32-bit two's complement values, lowest
+ * byte first whatever the processor's order: in each step an agent's estimates, ascending by
+ * neighbour, as they are when it controls, then its control.
+ */
+#include "integer_plant.h"
+#include "onebit_config.h"
+#include "onebit_random.h"
+#include "platform.h"
+#include "print.h"
+
+#include <stddef.h>
+
+#define AGENTS ONEBIT_CONFIG_AGENTS
+#define STATES ONEBIT_CONFIG_STATES
+
+/* What onebit-sim does by default. */
+#define STEPS 5000u
+#define SEED 1u
+#define RUN 0u
+
+static const struct integer_plant plant = {
+    .state_count = STATES,
+    .A_fraction_bits = ONEBIT_CONFIG_PLANT_A_FRACTION_BITS,
+    .B_fraction_bits = ONEBIT_CONFIG_PLANT_B_FRACTION_BITS,
+    .state_fraction_bits = ONEBIT_CONFIG_STATE_FRACTION_BITS,
+    .control_fraction_bits = ONEBIT_CONFIG_CONTROL_FRACTION_BITS,
+    .A = onebit_config_plant_A,
+    .B = onebit_config_plant_B,
+};
+
+static struct aircraft {
+    onebit_agent agent;
+    onebit_link links[ONEBIT_CONFIG_NEIGHBOURS];
+    int32_t x[STATES];
+    uint32_t checksum; /* the CRC's register */
+} group[AGENTS];
+
+/* The library refused what it must not. */
+static void fail(const char *call, unsigned number, onebit_status status)
+{
+    print_text(call);
+    print_text(" of agent ");
+    print_decimal(number);
+    print_text(": status ");
+    print_decimal((uint32_t)status);
+    print_text("\n");
+    platform_exit(1);
+}
+
+/* Lowest bit first, so that a word is its four bytes, lowest first. */
+static uint32_t checksum(uint32_t so_far, int32_t value)
+{
+    so_far ^= (uint32_t)value;
+    for (unsigned bit = 0; bit < 32; ++bit) {
+        so_far = (so_far >> 1) ^ ((so_far & 1u) != 0 ? 0xEDB88320u : 0u);
+    }
+    return so_far;
+}
+
+static void start(void)
+{
+    for (unsigned k = 0; k < AGENTS; ++k) {
+        struct aircraft *aircraft = &group[k];
+        onebit_status status =
+            onebit_start(onebit_configs[k], &aircraft->agent, aircraft->links, NULL);
+        if (status != ONEBIT_OK) {
+            fail("start", k + 1, status);
+        }
+        for (unsigned state = 0; state < STATES; ++state) {
+            aircraft->x[state] = onebit_config_initial_states[k * STATES + state];
+        }
+        aircraft->checksum = 0xFFFFFFFFu;
+    }
+}
+
+/* A frame on the bus: everyone but its sender gets it, who is not its neighbour refuses it. */
+static void deliver(const onebit_frame *frame, unsigned sender)
+{
+    for (unsigned k = 0; k < AGENTS; ++k) {
+        if (k != sender) {
+            onebit_status status = onebit_receive(onebit_configs[k], &group[k].agent, frame);
+            if (status != ONEBIT_OK && status != ONEBIT_UNKNOWN) {
+                fail("receive", k + 1, status);
+            }
+        }
+    }
+}
+
+static void send(unsigned k)
+{
+    const onebit_config *config = onebit_configs[k];
+    uint32_t t = group[k].agent.clock;
+    onebit_message message = {.sender = config->agent, .step = (uint8_t)(t % ONEBIT_STEP_MODULUS)};
+    onebit_frame frame;
+    onebit_status status = onebit_encode(
+        config, group[k].x, onebit_random_word(SEED, RUN, config->agent, t), &message.bit);
+    if (status == ONEBIT_OK) {
+        status = onebit_frame_encode(&config->format, &message, &frame);
+    }
+    if (status != ONEBIT_OK) {
+        fail("encode", k + 1, status);
+    }
+    deliver(&frame, k);
+}
+
+static void control(unsigned k)
+{
+    struct aircraft *aircraft = &group[k];
+    int32_t u = 0;
+    onebit_status status = onebit_control(onebit_configs[k], &aircraft->agent, aircraft->x, &u);
+    if (status != ONEBIT_OK) {
+        fail("control", k + 1, status);
+    }
+    for (unsigned place = 0; place < onebit_configs[k]->neighbour_count; ++place) {
+        aircraft->checksum = checksum(aircraft->checksum, aircraft->links[place].estimate);
+    }
+    aircraft->checksum = checksum(aircraft->checksum, u);
+    integer_plant_step(&plant, aircraft->x, u);
+}
+
+static void print_checksums(uint32_t step)
+{
+    print_text("step ");
+    print_decimal(step);
+    for (unsigned k = 0; k < AGENTS; ++k) {
+        print_text(" ");
+        print_hexadecimal(~group[k].checksum);
+    }
+    print_text("\n");
+}
+
+int main(void)
+{
+    uint32_t next_print = 1;
+    start();
+    for (uint32_t step = 1; step <= STEPS; ++step) {
+        for (unsigned k = 0; k < AGENTS; ++k) {
+            send(k);
+        }
+        for (unsigned k = 0; k < AGENTS; ++k) {
+            control(k);
+        }
+        if (step == next_print || step == STEPS) {
+            print_checksums(step);
+            next_print *= 10;
+        }
+    }
+    platform_exit(0);
+}

@@ -1,0 +1,98 @@
+"""Seven aircraft as a program print what the simulator says, whatever compiles and runs them.
+
+The text itself, ports/firmware/aircraft.txt, is worked out from onebit-sim in Python; each
+platform's preset holds its image against that file (ports/firmware/CMakeLists.txt). Here it is held
+against the simulator, and against programs of the host's compilers and of a big-endian processor.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+import yaml
+from simulator import ROOT, SCENARIOS, SIMULATOR
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+from onebit_design import __main__ as design
+
+FIRMWARE = ROOT / "ports/firmware"
+SCENARIO = SCENARIOS / "aircraft-integer.yaml"
+SOURCES = [
+    *(FIRMWARE / name for name in ("aircraft.c", "hosted.c", "print.c")),
+    ROOT / "sim/integer_plant.c",
+    *sorted((ROOT / "lib").glob("*.c")),
+]
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion"]
+FLAGS += ["-Wshadow", "-Werror"]
+FLAGS += [f"-I{folder}" for folder in (FIRMWARE, ROOT / "lib", ROOT / "sim")]
+MIPS = ("mips-linux-gnu-gcc", "-static")
+PACKAGES = {
+    "clang": "clang",
+    "mips-linux-gnu-gcc": "gcc-mips-linux-gnu and libc6-dev-mips-cross",
+    "qemu-mips": "qemu-user",
+}
+
+
+def need(*programs):
+    """Skips without a program, but fails in CI, where all are installed."""
+    for program in programs:
+        if shutil.which(program) is None:
+            message = f"no {program} here (Debian package {PACKAGES.get(program, program)})"
+            (pytest.fail if "CI" in os.environ else pytest.skip)(message)
+
+
+def run(*command):
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    assert done.returncode == 0, f"{' '.join(done.args)}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def expected():
+    return (FIRMWARE / "aircraft.txt").read_text()
+
+
+def test_the_expected_text_is_the_simulators():
+    assert run(sys.executable, ROOT / "tools/one_answer.py", SIMULATOR) == expected()
+
+
+def test_every_agent_has_its_own_checksum_and_it_moves():
+    lines = [line.split() for line in expected().splitlines()]
+    assert [line[:2] for line in lines] == [
+        ["step", step] for step in ("1", "10", "100", "1000", "5000")
+    ]
+    numbers = [number for line in lines for number in line[2:]]
+    assert len(set(numbers)) == len(numbers) == 5 * 7
+    assert all(re.fullmatch("[0-9a-f]{8}", number) for number in numbers)
+
+
+def test_the_firmware_runs_the_scenarios_steps():
+    steps = re.search(r"#define STEPS (\d+)u", (FIRMWARE / "aircraft.c").read_text())[1]
+    assert int(steps) == yaml.safe_load(SCENARIO.read_text())["steps"]
+
+
+def test_the_constants_are_those_that_the_design_tool_writes(tmp_path):
+    assert design.main([str(SCENARIO), "--out", str(tmp_path), "--runs", "0"]) == 0
+    written = (tmp_path / "onebit_config.h").read_text()
+    assert written == (FIRMWARE / "onebit_config.h").read_text(), (
+        f"stale; to write it anew: build/host/bin/onebit-design {SCENARIO.relative_to(ROOT)} "
+        "--runs 0 --out DIR, then copy DIR/onebit_config.h to ports/firmware"
+    )
+
+
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_host(tmp_path, compiler, level):
+    need(compiler)
+    run(compiler, *FLAGS, level, *SOURCES, "-o", tmp_path / "aircraft")
+    assert run(tmp_path / "aircraft") == expected()
+
+
+def test_big_endian(tmp_path):
+    need("mips-linux-gnu-gcc", "qemu-mips", "readelf")
+    run(*MIPS, *FLAGS, "-O2", *SOURCES, "-o", tmp_path / "aircraft")
+    assert "big endian" in run("readelf", "-h", tmp_path / "aircraft")
+    assert run("qemu-mips", tmp_path / "aircraft") == expected()
