@@ -1,7 +1,8 @@
 /*
  * Start-up of any Cortex-M: vector table, initial values of variables, main. A board's linker
  * script (microbit.ld, mps2.ld) says where memory lies. Nothing here depends on the device but the
- * number of vectors: those of its interrupts follow the 16 of the architecture.
+ * number of vectors: those of its interrupts follow the 16 of the architecture, as many as are
+ * used.
  */
 #include "platform.h"
 
@@ -40,10 +41,17 @@ static void unexpected(void)
     platform_exit(100 + (int)(number & 0x1FFu));
 }
 
+/* The device's interrupts: of whoever defines a function of this name (mps2_uart.c, nrf51_uart.c).
+ */
+void interrupt_0(void) __attribute__((weak, alias("unexpected")));
+void interrupt_1(void) __attribute__((weak, alias("unexpected")));
+void interrupt_2(void) __attribute__((weak, alias("unexpected")));
+
 struct vectors {
     const uint32_t *stack_top;
     void (*reset)(void);
     void (*exception[14])(void); /* NMI, HardFault, .., PendSV, SysTick */
+    void (*interrupt[3])(void);
 };
 
 __attribute__((section(".vectors"), used)) const struct vectors vectors = {
@@ -51,4 +59,5 @@ __attribute__((section(".vectors"), used)) const struct vectors vectors = {
     reset,
     {unexpected, unexpected, unexpected, unexpected, unexpected, unexpected, unexpected, unexpected,
      unexpected, unexpected, unexpected, unexpected, unexpected, unexpected},
+    {interrupt_0, interrupt_1, interrupt_2},
 };

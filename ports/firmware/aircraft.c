@@ -1,12 +1,11 @@
 /*
  * Seven aircraft on one chip: the agents of sim/scenarios/aircraft-integer.yaml, each with its
  * machine in integers, on a bus that is a call. Prints after some steps, for each agent, the CRC-32
- * of all estimates and controls so far, which must be the same on every processor: aircraft.txt.
- *
- * The checksum is the CRC of Ethernet, zlib and gzip over 32-bit two's complement values, lowest
- * byte first whatever the processor's order: in each step an agent's estimates, ascending by
- * neighbour, as they are when it controls, then its control.
+ * (checksum.h) of all estimates and controls so far, which must be the same on every processor:
+ * aircraft.txt. Of each step come an agent's estimates, ascending by neighbour, as they are when it
+ * controls, then its control.
  */
+#include "checksum.h"
 #include "integer_plant.h"
 #include "onebit_config.h"
 #include "onebit_random.h"
@@ -52,16 +51,6 @@ static void fail(const char *call, unsigned number, onebit_status status)
     platform_exit(1);
 }
 
-/* Lowest bit first, so that a word is its four bytes, lowest first. */
-static uint32_t checksum(uint32_t so_far, int32_t value)
-{
-    so_far ^= (uint32_t)value;
-    for (unsigned bit = 0; bit < 32; ++bit) {
-        so_far = (so_far >> 1) ^ ((so_far & 1u) != 0 ? 0xEDB88320u : 0u);
-    }
-    return so_far;
-}
-
 static void start(void)
 {
     for (unsigned k = 0; k < AGENTS; ++k) {
@@ -74,7 +63,7 @@ static void start(void)
         for (unsigned state = 0; state < STATES; ++state) {
             aircraft->x[state] = onebit_config_initial_states[k * STATES + state];
         }
-        aircraft->checksum = 0xFFFFFFFFu;
+        aircraft->checksum = CHECKSUM_BEGIN;
     }
 }
 

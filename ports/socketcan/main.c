@@ -1,11 +1,12 @@
 /*
- * onebit-node: agents of a scenario on a CAN interface, the master that steps them, and a check of
- * the interface. Reads the command line, calls the modules, turns their results into exit status 0
- * (done), 2 (bad use or input) or 1 (failure).
+ * onebit-node: agents of a scenario on a CAN interface or a serial line, the master that steps
+ * them, and a check of the interface. Reads the command line, calls the modules, turns their
+ * results into exit status 0 (done), 2 (bad use or input) or 1 (failure).
  */
 #include "check.h"
 #include "master.h"
 #include "node.h"
+#include "serial_group.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -23,11 +24,16 @@ static const char help[] =
     "usage: onebit-node SCENARIO --interface vcan0 --agent I [options]     one agent\n"
     "       onebit-node SCENARIO --interface vcan0 --agents I-J [options]  several, a socket each\n"
     "       onebit-node SCENARIO --interface vcan0 --sync-master [--period 10ms] [--steps N]\n"
+    "       onebit-node SCENARIO --interface slcan:/dev/ttyACM0 --agents I-J --sync-master\n"
+    "                                                              part of a group, on a serial "
+    "line\n"
     "       onebit-node check --interface vcan0    what is missing, the command that mends it\n"
     "\n"
     "Runs agents of a scenario, each with its plant, on a CAN interface.\n"
     "\n"
-    "  --interface NAME     the CAN interface\n"
+    "  --interface NAME     the CAN interface; or slcan:PATH[@SPEED], a serial line (terminal,\n"
+    "                       pty or Unix socket) that speaks slcan. There this process is the\n"
+    "                       bus: its --agents and the --sync-master, the others behind it\n"
     "  --agent I            number of the agent, from 1; --agents 1-7 or 1,3,5-7: several\n"
     "  --sync               a step begins with each SYNC on the bus; else with each whole\n"
     "                       period of the system's clock\n"
@@ -165,11 +171,25 @@ static int read_arithmetic(const char *text, enum arithmetic *arithmetic)
     return complain(BAD_USE, "--arith %s: must be f64, f32 or q31", text);
 }
 
+static bool is_serial(const char *interface)
+{
+    return strncmp(interface, SERIAL_GROUP_PREFIX, strlen(SERIAL_GROUP_PREFIX)) == 0;
+}
+
 /* What does not go together. */
 static int check_options(const struct options *options)
 {
     if (options->interface == NULL) {
         return complain(BAD_USE, "--interface NAME is needed, as vcan0; see onebit-node --help");
+    }
+    if (is_serial(options->interface)) {
+        if (!options->master || options->agent_count == 0 || options->sync) {
+            return complain(BAD_USE,
+                            "--interface %s: on a serial line goes with --agents and "
+                            "--sync-master; for anything else slcand makes it a CAN interface",
+                            options->interface);
+        }
+        return DONE;
     }
     if (options->master) {
         if (options->agent_count != 0 || options->sync || options->csv != NULL) {
@@ -305,7 +325,8 @@ static int run_agents(const struct options *options, const struct scenario *scen
         .csv = options->csv,
         .json = options->json,
     };
-    int status = nodes_run(&nodes, &problem);
+    int status = is_serial(nodes.interface) ? serial_group_run(&nodes, &problem)
+                                            : nodes_run(&nodes, &problem);
     return status == DONE ? DONE : complain(status, "%s", problem.text);
 }
 
@@ -348,7 +369,8 @@ int main(int argument_count, char **arguments)
     if (!scenario_load(&scenario, options.file, &problem)) {
         return complain(BAD_USE, "%s", problem.text);
     }
-    status = options.master ? run_master(&options, &scenario) : run_agents(&options, &scenario);
+    status = options.agent_count == 0 ? run_master(&options, &scenario)
+                                      : run_agents(&options, &scenario);
     scenario_free(&scenario);
     return status;
 }

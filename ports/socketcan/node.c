@@ -12,12 +12,12 @@
 #include "machine.h"
 #include "onebit_status.h"
 #include "socketcan.h"
+#include "summary.h"
 
 #include <cjson/cJSON.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
@@ -34,9 +34,6 @@ static const onebit_format forms[] = {
 static const char *const form_names[] = {"broadcast, payload", "broadcast, identifier",
                                          "link, payload", "link, identifier"};
 #define FORMS (sizeof forms / sizeof *forms)
-
-static const char *const refusal_names[ONEBIT_REFUSALS] = {
-    "unknown", "repeated", "stale", "early", "length", "remote", "error", "flexible"};
 
 struct node {
     const struct nodes *nodes;
@@ -363,74 +360,29 @@ static void revive(struct node *node)
 
 /* --- what is told --- */
 
-static cJSON *summary_of(const struct node *node, double seconds)
+static struct summary summary_of(const struct node *node, double seconds)
 {
-    const struct nodes *nodes = node->nodes;
     const struct socketcan_counts *counts = &node->socketcan.counts;
-    struct machine_report report;
-    node->verbs->report(node->machine, &report);
-    cJSON *object = cJSON_CreateObject();
-    cJSON_AddStringToObject(object, "scenario", nodes->scenario->name);
-    cJSON_AddStringToObject(object, "interface", nodes->interface);
-    cJSON_AddNumberToObject(object, "agent", node->agent);
-    cJSON_AddStringToObject(object, "arith", arithmetic_names[nodes->arithmetic]);
-    cJSON_AddNumberToObject(object, "seed", nodes->seed);
-    cJSON_AddNumberToObject(object, "run", nodes->run);
-    cJSON_AddStringToObject(object, "ended", node->end);
-    cJSON_AddNumberToObject(object, "seconds", seconds);
-    cJSON_AddNumberToObject(object, "steps", report.steps);
-    cJSON_AddNumberToObject(object, "t", report.clock);
-    cJSON_AddNumberToObject(object, "frames_out", (double)counts->sent);
-    cJSON_AddNumberToObject(object, "frames_in", (double)node->frames_in);
-    cJSON_AddNumberToObject(object, "taken", (double)report.taken);
-    cJSON *refused = cJSON_AddObjectToObject(object, "refused");
-    for (int k = 0; k < ONEBIT_REFUSALS; ++k) {
-        cJSON_AddNumberToObject(refused, refusal_names[k], (double)report.refused[k]);
-    }
-    cJSON_AddNumberToObject(object, "not_linked", (double)report.unlinked);
-    cJSON_AddNumberToObject(object, "duplicates", (double)node->duplicates);
-    cJSON_AddNumberToObject(object, "syncs", (double)node->syncs);
-    cJSON_AddNumberToObject(object, "sync_refused", (double)node->sync_refused);
-    cJSON_AddNumberToObject(object, "aligned", (double)report.aligned);
-    cJSON_AddNumberToObject(object, "deadline_misses", (double)node->deadline_misses);
-    cJSON_AddNumberToObject(object, "late", (double)node->late);
-    cJSON_AddNumberToObject(object, "queue_full", (double)counts->queue_full);
-    cJSON_AddNumberToObject(object, "lost", (double)counts->lost);
-    cJSON_AddNumberToObject(object, "error_frames", (double)counts->error_frames);
-    cJSON_AddNumberToObject(object, "bus_off", (double)counts->bus_off);
-    cJSON_AddNumberToObject(object, "interface_down", (double)counts->went_down);
-    if (isnan(report.disagreement)) {
-        cJSON_AddNullToObject(object, "disagreement");
-    } else {
-        cJSON_AddNumberToObject(object, "disagreement", report.disagreement);
-    }
-    return object;
-}
-
-/* A line; what did not happen is not told. */
-static void print_summary(const cJSON *summary)
-{
-    printf("agent %d:", cJSON_GetObjectItem(summary, "agent")->valueint);
-    for (const cJSON *item = cJSON_GetObjectItem(summary, "steps"); item != NULL;
-         item = item->next) {
-        if (cJSON_IsNumber(item) && item->valuedouble != 0) {
-            printf(" %s %.6g", item->string, item->valuedouble);
-        }
-        for (const cJSON *part = item->child; part != NULL; part = part->next) {
-            if (part->valuedouble != 0) {
-                printf(" refused_%s %.0f", part->string, part->valuedouble);
-            }
-        }
-    }
-    putchar('\n');
-}
-
-/* For a program: an object, or with several agents an array of such. */
-static void print_json(const cJSON *list)
-{
-    char *text = cJSON_Print(cJSON_GetArraySize(list) == 1 ? list->child : list);
-    puts(text != NULL ? text : "");
-    cJSON_free(text);
+    struct summary summary = {
+        .nodes = node->nodes,
+        .agent = node->agent,
+        .ended = node->end,
+        .seconds = seconds,
+        .frames_out = counts->sent,
+        .frames_in = node->frames_in,
+        .duplicates = node->duplicates,
+        .syncs = node->syncs,
+        .sync_refused = node->sync_refused,
+        .deadline_misses = node->deadline_misses,
+        .late = node->late,
+        .queue_full = counts->queue_full,
+        .lost = counts->lost,
+        .error_frames = counts->error_frames,
+        .bus_off = counts->bus_off,
+        .interface_down = counts->went_down,
+    };
+    node->verbs->report(node->machine, &summary.report);
+    return summary;
 }
 
 static bool summarize(const struct nodes *nodes, const struct node *list, double seconds,
@@ -438,14 +390,15 @@ static bool summarize(const struct nodes *nodes, const struct node *list, double
 {
     cJSON *summaries = cJSON_CreateArray();
     for (uint32_t k = 0; k < nodes->agent_count; ++k) {
-        cJSON *summary = summary_of(&list[k], seconds);
-        if (!nodes->json) {
-            print_summary(summary);
+        struct summary summary = summary_of(&list[k], seconds);
+        if (nodes->json) {
+            cJSON_AddItemToArray(summaries, summary_object(&summary));
+        } else {
+            summary_print(&summary);
         }
-        cJSON_AddItemToArray(summaries, summary);
     }
     if (nodes->json) {
-        print_json(summaries);
+        summary_print_object(nodes->agent_count == 1 ? summaries->child : summaries);
     }
     cJSON_Delete(summaries);
     return fflush(stdout) == 0 || problem_set(problem, "standard output: a write failed");
@@ -476,29 +429,6 @@ static void show_status(const struct node *list, uint32_t count)
 
 /* --- a process's life --- */
 
-/* FILE, or with several agents FILE with the agent's number before its ending. */
-static FILE *open_csv(const struct nodes *nodes, uint32_t agent, struct problem *problem)
-{
-    char path[4096];
-    const char *slash = strrchr(nodes->csv, '/');
-    const char *ending = strrchr(nodes->csv, '.');
-    if (ending == NULL || (slash != NULL && ending < slash)) {
-        ending = nodes->csv + strlen(nodes->csv);
-    }
-    int length = nodes->agent_count == 1
-                     ? snprintf(path, sizeof path, "%s", nodes->csv)
-                     : snprintf(path, sizeof path, "%.*s-%lu%s", (int)(ending - nodes->csv),
-                                nodes->csv, (unsigned long)agent, ending);
-    FILE *file = length < (int)sizeof path ? fopen(path, "w") : NULL;
-    if (file == NULL) {
-        problem_set(problem, "--csv %s: cannot be written", nodes->csv);
-        return NULL;
-    }
-    /* In place and by the line, so that it can be followed, and a killed node leaves its rows. */
-    setvbuf(file, NULL, _IOLBF, BUFSIZ);
-    return file;
-}
-
 static bool open_node(struct node *node, const struct nodes *nodes, uint32_t agent,
                       struct problem *problem)
 {
@@ -520,7 +450,7 @@ static bool open_node(struct node *node, const struct nodes *nodes, uint32_t age
     }
     node->transport = socketcan_transport(&node->socketcan);
     if (nodes->csv != NULL) {
-        node->csv = open_csv(nodes, agent, problem);
+        node->csv = summary_open_csv(nodes, agent, problem);
         if (node->csv == NULL) {
             return false;
         }

@@ -1,0 +1,144 @@
+"""Agent 3 of seven runs as Cortex-M3 firmware in QEMU, the others in onebit-node; they meet on
+QEMU's serial line, which speaks slcan. All have the bits of the simulator's run of seven."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
+from simulator import BUILD, ROOT, SCENARIOS, SIMULATOR, call, rows, run
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+import one_answer
+
+NODE = BUILD / "bin/onebit-node"
+SCENARIO = SCENARIOS / "aircraft-integer.yaml"
+IN_FIRMWARE = 3  # CONFIG of ports/firmware/node.c
+OTHERS = "1-2,4-7"
+STEPS = 2000
+# Longer than any machine stands still; nothing waits so long unless it is broken.
+PATIENCE = 300
+
+
+def program(name, package):
+    return shutil.which(name) or pytest.skip(f"program {name} is missing (Debian: {package})")
+
+
+@pytest.fixture(scope="module")
+def firmware(tmp_path_factory):
+    """The image."""
+    program("arm-none-eabi-gcc", "gcc-arm-none-eabi, picolibc-arm-none-eabi")
+    folder = tmp_path_factory.mktemp("cortex-m3")
+    # Flags for a host's sanitizers are not for this compiler.
+    environment = {name: text for name, text in os.environ.items() if name != "CFLAGS"}
+    for command in (
+        ["cmake", "--preset", "cortex-m3", "-B", folder],
+        ["cmake", "--build", folder, "--target", "node"],
+    ):
+        result = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+        )
+        assert result.returncode == 0, result.stdout + result.stderr
+    return folder / "bin/node.elf"
+
+
+@pytest.fixture
+def board(firmware, tmp_path):
+    """QEMU with the image, and the path of its serial line."""
+    line = tmp_path / "line"
+    with (tmp_path / "errors").open("w") as errors:
+        process = subprocess.Popen(
+            [
+                program("qemu-system-arm", "qemu-system-arm"), "-M", "mps2-an385",
+                # Instructions have a time of their own: the busy loop does not race the host's.
+                "-icount", "shift=10", "-display", "none", "-monitor", "none",
+                "-chardev", f"socket,id=line,path={line},server=on,wait=off",
+                "-serial", "chardev:line", "-chardev", "stdio,id=console",
+                "-semihosting-config", "enable=on,target=native,chardev=console",
+                "-kernel", firmware,
+            ],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True,
+        )  # fmt: skip
+    deadline = time.monotonic() + PATIENCE
+    while not line.exists():
+        assert process.poll() is None, (tmp_path / "errors").read_text()
+        assert time.monotonic() < deadline, "QEMU offers no serial line"
+        time.sleep(0.02)
+    yield process, line
+    if process.poll() is None:
+        process.kill()
+    process.communicate()
+
+
+def run_others(line, *options):
+    return subprocess.run(
+        [
+            NODE, SCENARIO, "--interface", f"slcan:{line}", "--agents", OTHERS, "--sync-master",
+            "--period", "0", "--arith", "q31", *options,
+        ],
+        capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+
+
+def replay(log, agent):
+    result = call("replay", SCENARIO, log, "--agent", agent, "--arith", "q31")
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_firmware_and_host_compute_the_simulators_bits(board, tmp_path):
+    process, line = board
+    run(SCENARIO, arith="q31", steps=STEPS, out=tmp_path / "out", log=tmp_path / "sim.log")
+    result = run_others(line, "--steps", str(STEPS), "--csv", str(tmp_path / "agent.csv"))
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert f"SYNC sent {STEPS}, late 0, incomplete steps 0" in result.stdout
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, output
+
+    # The six: every estimate, control and state of every step.
+    for agent in (1, 2, 4, 5, 6, 7):
+        csv = (tmp_path / f"agent-{agent}.csv").read_text()
+        assert csv == replay(tmp_path / "sim.log", agent), agent
+        assert len(csv.splitlines()) == 1 + STEPS
+
+    # The one in firmware: every estimate and control by checksum, the state after the last step.
+    steps = one_answer.replayed(SIMULATOR, tmp_path / "sim.log", IN_FIRMWARE)
+    checksum = one_answer.checksums(steps)[STEPS]
+    last = [
+        row
+        for row in rows(tmp_path / "out/trajectory.csv")
+        if int(row["step"]) == STEPS and int(row["agent"]) == IN_FIRMWARE
+    ]
+    unit = 2.0 ** one_answer.define("ONEBIT_CONFIG_STATE_FRACTION_BITS")
+    states = [one_answer.integer(float(last[0][f"x{k}"]) * unit) for k in range(1, 5)]
+    words = " ".join(f"{state & 0xFFFFFFFF:08x}" for state in states)
+    assert output == (
+        f"agent {IN_FIRMWARE} steps {STEPS} checksum {checksum:08x} states {words} "
+        "late 0 refused 0 aligned 0 lines_dropped 0 bytes_lost 0\n"
+    )
+
+
+def test_a_stop_by_signal_ends_firmware_and_host_in_the_same_step(board, tmp_path):
+    """What a person does: Ctrl-C. All agents, here and there, have then made the same steps."""
+    process, line = board
+    command = [
+        NODE, SCENARIO, "--interface", f"slcan:{line}", "--agents", OTHERS, "--sync-master",
+        "--period", "0", "--arith", "q31", "--csv", tmp_path / "agent.csv",
+    ]  # fmt: skip
+    host = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + PATIENCE
+    csv = tmp_path / "agent-7.csv"
+    while not csv.exists() or len(csv.read_text().splitlines()) < 20:
+        assert time.monotonic() < deadline and host.poll() is None, host.communicate()
+        time.sleep(0.02)
+    host.terminate()
+    text, errors = host.communicate(timeout=PATIENCE)
+    assert host.returncode == 0, text + errors
+    output, _ = process.communicate(timeout=PATIENCE)
+    steps = int(re.search(r"agent 7: steps (\d+)", text).group(1))
+    assert steps >= 18
+    assert output.startswith(f"agent {IN_FIRMWARE} steps {steps} "), output
