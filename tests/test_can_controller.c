@@ -4,6 +4,7 @@
  * comes between any two calls of its hooks, or waits while it is locked out.
  */
 #include "can_controller.h"
+#include "canopen.h"
 #include "onebit_random.h"
 #include "step_loop.h"
 
@@ -901,6 +902,30 @@ static void test_a_call_is_bounded(void)
     TEST_ASSERT_EQUAL_UINT16(STEP_LOOP_FRAMES + 10, agent.refused[0]);
 }
 
+/* The master's stop ends the step and then everything; another node's stop does nothing. */
+static void test_stop(void)
+{
+    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    onebit_frame stop;
+    canopen_stop_all(&stop);
+    stop.data[1] = OWN + 1;
+    come_sync();
+    arrive(&stop);
+    step_loop_run(&loop);
+    TEST_ASSERT_FALSE(loop.stopped);
+    TEST_ASSERT_TRUE(loop.in_step);
+    canopen_stop_all(&stop);
+    arrive(&stop);
+    come_sync();
+    TEST_ASSERT_TRUE(loop.stopped);
+    TEST_ASSERT_EQUAL_UINT(1, drives);
+    come_message(1, agent.clock);
+    step_loop_end_step(&loop);
+    TEST_ASSERT_EQUAL_UINT(1, drives);
+    TEST_ASSERT_EQUAL_UINT32(0, loop.counts.taken + loop.counts.outside);
+    TEST_ASSERT_FALSE(can_controller_waiting(&can));
+}
+
 /* A node that starts into a group 40 steps ahead finds its clock (ports/alignment.h). */
 static void test_alignment(void)
 {
@@ -943,6 +968,7 @@ int main(void)
     RUN_TEST(test_sync_too_soon_is_refused);
     RUN_TEST(test_any_transport);
     RUN_TEST(test_a_call_is_bounded);
+    RUN_TEST(test_stop);
     RUN_TEST(test_alignment);
     return UNITY_END();
 }

@@ -14,7 +14,7 @@ from programs import need, run
 from simulator import BUILD, ROOT, call, rows
 from simulator import run as simulate
 
-PORT = ROOT / "ports/can-controller"
+SOURCES = [*sorted((ROOT / "ports/can-controller").glob("*.c")), ROOT / "ports/step_loop.c"]
 TESTS = ROOT / "tests/can_controller"
 STEPS = 300
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion"]
@@ -150,7 +150,7 @@ def simulated(system, agent, folder):
 @pytest.mark.parametrize("target", list(TARGETS))
 def test_firmware_does_what_the_simulator_did(system, target, agent, tmp_path):
     write_log(system, agent, tmp_path)
-    sources = [*PORT.glob("*.c"), ROOT / "ports/alignment.c", *(ROOT / "lib").glob("*.c")]
+    sources = [*SOURCES, ROOT / "ports/alignment.c", *(ROOT / "lib").glob("*.c")]
     command = [*compiler(target), "-Os", f"-I{system}", f"-I{tmp_path}", *sources]
     run(*command, TESTS / "board.c", "-o", tmp_path / "firmware")
     *steps, last = execute(target, tmp_path / "firmware").splitlines()
@@ -164,7 +164,7 @@ def test_firmware_does_what_the_simulator_did(system, target, agent, tmp_path):
 @pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
 @pytest.mark.parametrize("target", ["cortex-m0", "cortex-m4f"])
 def test_compiles_without_a_warning(system, target, level, arithmetic, tmp_path):
-    for source in sorted(PORT.glob("*.c")):
+    for source in SOURCES:
         options = [level, f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic}", f"-I{system}"]
         run(*compiler(target), *options, "-c", source, "-o", tmp_path / "object.o")
 

@@ -1,6 +1,7 @@
 /* The loop of step_loop.h. Touches its argument, the agent and what the hooks lead to. */
 #include "step_loop.h"
 
+#include "canopen.h"
 #include "onebit_random.h"
 
 #include <stddef.h>
@@ -122,7 +123,13 @@ void step_loop_run(struct step_loop *loop)
         if (loop->transport.receive(loop->transport.context, &frame, &time) != TRANSPORT_DONE) {
             break;
         }
-        if (onebit_frame_is_sync(&frame)) {
+        if (loop->stopped) {
+            continue;
+        }
+        if (canopen_is_stop(&frame, loop->config->agent)) {
+            step_loop_end_step(loop);
+            loop->stopped = true;
+        } else if (onebit_frame_is_sync(&frame)) {
             take_sync(loop, time);
         } else if (loop->in_step) {
             take_message(loop, &frame);

@@ -1,8 +1,9 @@
 /*
  * An agent's steps over any transport, for firmware: SYNC begins a step (measure, encode, send),
- * frames are taken until it ends (control, drive), the clock is aligned with the group. Allocates
- * nothing, never waits, and takes a bounded time a call. In the arithmetic of this file's
- * compilation; one graph, that is the neighbours of onebit_config in every step.
+ * frames are taken until it ends (control, drive), the clock is aligned with the group; the
+ * master's stop ends it all. Allocates nothing, never waits, and takes a bounded time a call. In
+ * the arithmetic of this file's compilation; one graph, that is the neighbours of onebit_config in
+ * every step.
  */
 #ifndef STEP_LOOP_H
 #define STEP_LOOP_H
@@ -47,6 +48,7 @@ struct step_loop {
                             of all links by sender, then receiver; broadcast: not used */
     uint64_t period;     /* nanoseconds; 0: not known, then no SYNC comes too soon */
 
+    bool stopped; /* by the master, who ended the last step; nothing happens any more */
     bool in_step;
     bool synced;                      /* a SYNC has been taken ... */
     uint64_t sync_time;               /* ... the last one at this time of the transport's clock */
