@@ -1,8 +1,8 @@
 /* The replay of replay.h in the arithmetic that this file is compiled for. */
 #include "replay.h"
 
+#include "chain.h"
 #include "group.h"
-#include "onebit_random.h"
 #include "plant.h"
 
 #include <string.h>
@@ -15,7 +15,7 @@ struct state {
     struct group group;
     struct plant plant;
     double x[ONEBIT_STATES_MAX];
-    const double *law; /* of the next graph */
+    struct chain chain;
     const uint8_t *linked;
     uint32_t step;
 };
@@ -36,13 +36,7 @@ static void print_header(const struct state *state, FILE *stream)
 static void begin_step(struct state *state)
 {
     const struct topology *topology = &state->scenario->topology;
-    uint32_t graph = 0;
-    if (topology->graph_count > 1) {
-        uint32_t t = state->group.agents[state->what->agent - 1].clock;
-        graph = topology_draw(topology, state->law,
-                              onebit_random_word(state->what->seed, state->what->run, 0, t));
-        state->law = &topology->transition[(size_t)graph * topology->graph_count];
-    }
+    uint32_t graph = chain_graph(&state->chain, state->group.agents[state->what->agent - 1].clock);
     state->linked = &topology->linked[(size_t)graph * topology->link_count];
 }
 
@@ -103,7 +97,7 @@ bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *
     plant_build(&state.plant, scenario, formats);
     memcpy(state.x, &scenario->initial_states[(size_t)(what->agent - 1) * n], n * sizeof *state.x);
     plant_begin(&state.plant, state.x);
-    state.law = scenario->topology.stationary;
+    chain_begin(&state.chain, &scenario->topology, what->seed, what->run, scenario->t0 + 1u);
     print_header(&state, stream);
 
     onebit_frame frame;
