@@ -20,19 +20,6 @@ struct state {
     uint32_t step;
 };
 
-static void print_header(const struct state *state, FILE *stream)
-{
-    const onebit_config *config = &state->group.configs[state->what->agent - 1];
-    fputs("step,t,u", stream);
-    for (unsigned k = 1; k <= config->state_count; ++k) {
-        fprintf(stream, ",x%u", k);
-    }
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        fprintf(stream, ",zhat_%lu", (unsigned long)config->neighbours[k]);
-    }
-    fputc('\n', stream);
-}
-
 static void begin_step(struct state *state)
 {
     const struct topology *topology = &state->scenario->topology;
@@ -46,7 +33,6 @@ static void end_step(struct state *state, FILE *stream)
     uint32_t index = state->what->agent - 1;
     const onebit_config *config = &state->group.configs[index];
     onebit_agent *agent = &state->group.agents[index];
-    double sigma = state->scenario->sigma;
     uint32_t t = agent->clock;
     onebit_real measured[ONEBIT_STATES_MAX];
     for (unsigned k = 0; k < config->state_count; ++k) {
@@ -55,15 +41,7 @@ static void end_step(struct state *state, FILE *stream)
     onebit_real control = 0;
     onebit_control(config, agent, measured, &control);
     double u = double_from_real(control, state->formats->control);
-    fprintf(stream, "%lu,%lu,%.17g", (unsigned long)state->step, (unsigned long)t, u);
-    for (unsigned k = 0; k < config->state_count; ++k) {
-        fprintf(stream, ",%.17g", state->x[k]);
-    }
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        fprintf(stream, ",%.17g",
-                sigma * double_from_real(agent->links[k].estimate, NOISE_FRACTION_BITS));
-    }
-    fputc('\n', stream);
+    group_write_row(&state->group, index, state->step, t, u, state->x, stream);
     plant_step(&state->plant, state->x, u);
     ++state->step;
 }
@@ -98,7 +76,7 @@ bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *
     memcpy(state.x, &scenario->initial_states[(size_t)(what->agent - 1) * n], n * sizeof *state.x);
     plant_begin(&state.plant, state.x);
     chain_begin(&state.chain, &scenario->topology, what->seed, what->run, scenario->t0 + 1u);
-    print_header(&state, stream);
+    group_write_heading(&state.group, what->agent - 1, stream);
 
     onebit_frame frame;
     int status;
