@@ -45,12 +45,10 @@ static inline uint32_t onebit_scaled_by_halves(uint32_t value, uint16_t factor)
 
 static inline uint32_t onebit_scaled(uint32_t value, uint16_t factor)
 {
-#if ONEBIT_PRODUCT_BY_HALVES
-    return onebit_scaled_by_halves(value, factor);
-#else
-    /* Moved up, so that the result is the upper word alone: one instruction. */
-    return (uint32_t)(((uint64_t)value * ((uint32_t)factor << 16)) >> 32);
-#endif
+    /* The factor is moved up, so that the result is the upper word alone: one instruction. */
+    return ONEBIT_PRODUCT_BY_HALVES
+               ? onebit_scaled_by_halves(value, factor)
+               : (uint32_t)(((uint64_t)value * ((uint32_t)factor << 16)) >> 32);
 }
 
 /* floor(value factor / 2^16) for a signed value. */
@@ -65,11 +63,8 @@ static inline int32_t onebit_scaled_signed_by_halves(int32_t value, uint16_t fac
 
 static inline int32_t onebit_scaled_signed(int32_t value, uint16_t factor)
 {
-#if ONEBIT_PRODUCT_BY_HALVES
-    return onebit_scaled_signed_by_halves(value, factor);
-#else
-    return (int32_t)(((int64_t)value * ((uint32_t)factor << 16)) >> 32);
-#endif
+    return ONEBIT_PRODUCT_BY_HALVES ? onebit_scaled_signed_by_halves(value, factor)
+                                    : (int32_t)(((int64_t)value * ((uint32_t)factor << 16)) >> 32);
 }
 
 /*
