@@ -160,7 +160,7 @@ static uint32_t count(enum operation operation, struct figures_trial *trial)
 
 /*
  * STEPS steps of one aircraft whose neighbours stay where they are, their bits drawn by the library
- * itself, with clocks from 100 on, each 1/32 above the last: to 690,000, evenly in the logarithm.
+ * itself, with clocks from 100 on, each 1/32 above the last: to 840,000, evenly in the logarithm.
  */
 static bool count_realistic(struct figures_trial *trial, struct figure *figures)
 {
@@ -179,8 +179,7 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
         }
         trial->u = aircraft.threshold - trial->links[0].estimate;
         trial->word = figure_random();
-        /* The control ends a step, so all neighbours are heard first. */
-        trial->agent.heard = 0;
+        /* A control has heard all neighbours; the other operations begin with nobody heard. */
         for (enum operation operation = UPDATE; operation < OPERATIONS; ++operation) {
             trial->agent.heard = operation == CONTROL ? 7 : 0;
             figure_take(&figures[operation], count(operation, trial));
