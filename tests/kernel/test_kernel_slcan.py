@@ -1,5 +1,5 @@
-"""slcan against others: the kernel's line discipline, attached by slcand, as the host of our device,
-and slcanpty as the device of our host."""
+"""slcan against others: the kernel's line discipline, which slcand attaches, as the host of our
+device, and slcanpty as the device of our host."""
 
 import fcntl
 import os
@@ -16,7 +16,6 @@ from simulator import SCENARIOS, run
 from slcan_line import FRAMES, Device, message, same
 
 LINE_DISCIPLINE = 17  # N_SLCAN of linux/tty.h
-SCENARIO = SCENARIOS / "aircraft-integer.yaml"
 STEPS = 1000
 
 
@@ -64,21 +63,23 @@ def test_the_kernel_receives(device):
 
 
 @pytest.mark.usefixtures("vcan")
-def test_part_of_a_group_behind_an_adapter(tmp_path):
+@pytest.mark.parametrize("name", ["aircraft-integer", "aircraft-markov"])
+def test_part_of_a_group_behind_an_adapter(tmp_path, name):
     """Agents 1 to 3 and the master on slcanpty's line, the others on the interface behind it."""
-    run(SCENARIO, arith="q31", steps=STEPS, out=tmp_path / "out", log=tmp_path / "sim.log")
+    scenario = SCENARIOS / f"{name}.yaml"
+    run(scenario, arith="q31", steps=STEPS, out=tmp_path / "out", log=tmp_path / "sim.log")
     adapter = bus.start(
         # It writes the path into a buffer otherwise, and ends with its input.
         bus.program("stdbuf", "coreutils"), "-oL", bus.program("slcanpty"), "/dev/ptmx", "vcan0",
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     )  # fmt: skip
     path = adapter.stdout.readline().split()[-1]
-    others = bus.start_nodes(tmp_path, SCENARIO, "--arith", "q31", agents=range(4, 8))
+    others = bus.start_nodes(tmp_path, scenario, "--arith", "q31", agents=range(4, 8))
     # slcanpty writes all that passes.
     bus.start("cat", stdin=adapter.stdout, stdout=subprocess.DEVNULL)
     result = subprocess.run(
         [
-            bus.NODE, SCENARIO, "--interface", f"slcan:{path}", "--agents", "1-3", "--sync-master",
+            bus.NODE, scenario, "--interface", f"slcan:{path}", "--agents", "1-3", "--sync-master",
             "--period", "0", "--steps", str(STEPS), "--arith", "q31",
             "--csv", tmp_path / "agent.csv",
         ],
@@ -88,7 +89,7 @@ def test_part_of_a_group_behind_an_adapter(tmp_path):
     assert f"SYNC sent {STEPS}, late 0, incomplete steps 0" in result.stdout, result.stdout
     for node in others:
         assert node.wait() == 0, node.errors.read_text()
-        assert node.text() == bus.replay(SCENARIO, tmp_path / "sim.log", node.agent), node.agent
+        assert node.text() == bus.replay(scenario, tmp_path / "sim.log", node.agent), node.agent
     for agent in (1, 2, 3):
         csv = (tmp_path / f"agent-{agent}.csv").read_text()
-        assert csv == bus.replay(SCENARIO, tmp_path / "sim.log", agent), agent
+        assert csv == bus.replay(scenario, tmp_path / "sim.log", agent), agent
