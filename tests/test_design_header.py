@@ -1,6 +1,7 @@
 """onebit_config.h: compiles alone, the library accepts it, and it commands what onebit-sim does."""
 
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -235,6 +236,50 @@ def test_controls_are_those_of_the_simulator_to_the_bit(
     simulated, commanded = replayed_controls(designed, tmp_path, agent, arithmetic, library)
     assert commanded == simulated
     assert len(set(simulated)) > 100  # not a row of zeros
+
+
+def numbers_of(header, name):
+    """The integers of an array or, alone, of a definition of the header; none if it has no such."""
+    array = re.search(rf"{name}\[\] = {{(.*?)}}", header, re.S)
+    found = array or re.search(rf"#define {name} (-?\d+)", header)
+    return [int(number) for number in re.findall(r"-?\d+", found[1])] if found else []
+
+
+def nearest(value, shift):
+    """value 2^-shift, halves up, saturated to 32 bits; in whole numbers of any length."""
+    scaled = (value + (1 << (shift - 1))) >> shift if shift > 0 else value << -shift
+    return min(max(scaled, -(2**31)), 2**31 - 1)
+
+
+def test_integer_plant_moves_as_the_simulators(designed, tmp_path):
+    """Only where the scenario has one; stepped here in Python on the simulator's controls."""
+    header = (designed / "onebit_config.h").read_text()
+    scenario = designed / "scenario.yaml"
+    content = yaml.safe_load(scenario.read_text())
+    A, B, initial = (
+        numbers_of(header, f"onebit_config_{name}")
+        for name in ("plant_A", "plant_B", "initial_states")
+    )
+    if content["plant"].get("arithmetic") != "q31":
+        assert not A and not B and not initial
+        return
+    n = len(B)
+    (A_bits,) = numbers_of(header, "ONEBIT_CONFIG_PLANT_A_FRACTION_BITS")
+    (B_bits,) = numbers_of(header, "ONEBIT_CONFIG_PLANT_B_FRACTION_BITS")
+    state_bits = content["fixed"]["state_fraction_bits"]
+    control_bits = content["fixed"]["control_fraction_bits"]
+    log = tmp_path / "bus.log"
+    run(scenario, arith="q31", steps=1000, log=log)
+    for agent in (1, 2):
+        done = call("replay", scenario, log, "--agent", agent, "--arith", "q31")
+        (tmp_path / "replay.csv").write_text(done.stdout)
+        x = initial[(agent - 1) * n : agent * n]
+        for row in rows(tmp_path / "replay.csv"):
+            assert [float(row[f"x{k + 1}"]) * 2**state_bits for k in range(n)] == x
+            u = int(float(row["u"]) * 2**control_bits)
+            free = [nearest(sum(A[k * n + m] * x[m] for m in range(n)), A_bits) for k in range(n)]
+            driven = [nearest(B[k] * u, B_bits + control_bits - state_bits) for k in range(n)]
+            x = [nearest(free[k] + driven[k], 0) for k in range(n)]
 
 
 def test_formats_are_those_that_the_simulator_would_choose(designed, tmp_path):

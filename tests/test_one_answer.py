@@ -69,6 +69,11 @@ def test_every_agent_has_its_own_checksum_and_it_moves():
     assert all(re.fullmatch("[0-9a-f]{8}", number) for number in numbers)
 
 
+def test_the_readme_shows_it():
+    shown = "".join(f"    {line}\n" for line in expected().splitlines())
+    assert shown in (ROOT / "ports/README.md").read_text()
+
+
 def test_the_firmware_runs_the_scenarios_steps():
     steps = re.search(r"#define STEPS (\d+)u", (FIRMWARE / "aircraft.c").read_text())[1]
     assert int(steps) == yaml.safe_load(SCENARIO.read_text())["steps"]

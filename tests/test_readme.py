@@ -35,6 +35,22 @@ def test_links_lead_somewhere():
         assert (ROOT / target).exists(), target
 
 
+PORTS = ROOT / "ports"
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PORTS.rglob("README.md")), ids=lambda path: path.parent.name
+)
+def test_links_of_the_ports_lead_somewhere(path):
+    for target in re.findall(r"\]\(([^)#]+)\)", path.read_text()):
+        assert (path.parent / target).exists(), target
+
+
+def test_every_port_is_in_the_index():
+    listed = re.findall(r"^\| \[([\w-]+)\]\(\1\) \|", (PORTS / "README.md").read_text(), re.M)
+    assert sorted(listed) == sorted(path.name for path in PORTS.iterdir() if path.is_dir())
+
+
 def test_anchors_lead_somewhere():
     titles = re.findall(r"^## (.*)$", TEXT, re.M)
     anchors = {re.sub(r"[^a-z0-9 -]", "", title.lower()).replace(" ", "-") for title in titles}

@@ -11,11 +11,16 @@
 #include <avr/io.h>
 #include <avr/sleep.h>
 
-/* 8 data bits, no parity, 1 stop bit after reset; 1 Mbit/s at 16 MHz (UBRR0 0, double speed). */
+/*
+ * 8 data bits, no parity, 1 stop bit and UBRR0 = 0 after reset, which with double speed is
+ * 2 Mbit/s at 16 MHz; where uart.c has started the USART, its rate.
+ */
 void platform_put(char character)
 {
-    UCSR0A = _BV(U2X0);
-    UCSR0B = _BV(TXEN0);
+    if ((UCSR0B & _BV(TXEN0)) == 0) {
+        UCSR0A = _BV(U2X0);
+        UCSR0B = _BV(TXEN0);
+    }
     while ((UCSR0A & _BV(UDRE0)) == 0) {
     }
     UDR0 = (uint8_t)character;

@@ -3,6 +3,7 @@
 #   processor          flags that choose the processor
 #   board              machine of qemu-system-arm
 #   linker_script      of the board
+#   uart               source that fills in uart.h on the board
 #   systick_megahertz  its processor's clock, for platform.c
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
@@ -14,6 +15,7 @@ set(CMAKE_C_FLAGS_INIT
 
 set(ONEBIT_PLATFORM cortex-m)
 set(ONEBIT_LINKER_SCRIPT ${linker_script})
+set(ONEBIT_UART ${uart})
 set(ONEBIT_SYSTICK_MEGAHERTZ ${systick_megahertz})
 
 # An instruction takes 2^10 ns of the emulated clock; platform.c counts on it.

@@ -2,5 +2,6 @@
 set(processor -mcpu=cortex-m0)
 set(board microbit)
 set(linker_script microbit.ld)
+set(uart nrf51_uart.c)
 set(systick_megahertz 16)
 include(${CMAKE_CURRENT_LIST_DIR}/cortex-m.cmake)

@@ -1,5 +1,8 @@
-/* The registers and the interrupt of mps2_uart.h. */
-#include "mps2_uart.h"
+/*
+ * uart.h on the MPS2 board: UART 0 (CMSDK APB UART, Arm DDI 0479, section 4.3). It holds one
+ * received byte: the interrupt on reception takes it into a queue.
+ */
+#include "uart.h"
 
 #include "byte_queue.h"
 
@@ -33,14 +36,14 @@ void interrupt_0(void)
     }
 }
 
-void mps2_uart_start(void)
+void uart_start(void)
 {
-    DIVIDER = 217;
+    DIVIDER = 217; /* of 25 MHz; QEMU takes any rate */
     CONTROL = CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT;
     NVIC_ENABLE = NVIC_UART0_RECEIVE;
 }
 
-bool mps2_uart_put(uint8_t byte)
+bool uart_put(uint8_t byte)
 {
     if ((STATE & STATE_TRANSMIT_FULL) != 0) {
         return false;
@@ -49,12 +52,12 @@ bool mps2_uart_put(uint8_t byte)
     return true;
 }
 
-bool mps2_uart_take(uint8_t *byte)
+bool uart_take(uint8_t *byte)
 {
     return byte_queue_take(&received, byte);
 }
 
-uint16_t mps2_uart_lost(void)
+uint16_t uart_lost(void)
 {
     return lost;
 }

@@ -41,14 +41,17 @@ static void unexpected(void)
     platform_exit(100 + (int)(number & 0x1FFu));
 }
 
-/* The device's interrupt 0: of whoever defines a function of this name (mps2_uart.c). */
+/* The device's interrupts: of whoever defines a function of this name (mps2_uart.c, nrf51_uart.c).
+ */
 void interrupt_0(void) __attribute__((weak, alias("unexpected")));
+void interrupt_1(void) __attribute__((weak, alias("unexpected")));
+void interrupt_2(void) __attribute__((weak, alias("unexpected")));
 
 struct vectors {
     const uint32_t *stack_top;
     void (*reset)(void);
     void (*exception[14])(void); /* NMI, HardFault, .., PendSV, SysTick */
-    void (*interrupt[1])(void);
+    void (*interrupt[3])(void);
 };
 
 __attribute__((section(".vectors"), used)) const struct vectors vectors = {
@@ -56,5 +59,5 @@ __attribute__((section(".vectors"), used)) const struct vectors vectors = {
     reset,
     {unexpected, unexpected, unexpected, unexpected, unexpected, unexpected, unexpected, unexpected,
      unexpected, unexpected, unexpected, unexpected, unexpected, unexpected},
-    {interrupt_0},
+    {interrupt_0, interrupt_1, interrupt_2},
 };

@@ -9,11 +9,11 @@
 #include "channel.h"
 #include "checksum.h"
 #include "integer_plant.h"
-#include "mps2_uart.h"
 #include "onebit_config.h"
 #include "onebit_random.h"
 #include "platform.h"
 #include "print.h"
+#include "uart.h"
 
 #include <stddef.h>
 
@@ -54,7 +54,7 @@ struct node {
 static bool put(void *context, uint8_t byte)
 {
     (void)context;
-    return mps2_uart_put(byte);
+    return uart_put(byte);
 }
 
 /* Nothing here looks at times. */
@@ -62,7 +62,7 @@ static bool take(void *context, uint8_t *byte, uint64_t *nanoseconds)
 {
     (void)context;
     *nanoseconds = 0;
-    return mps2_uart_take(byte);
+    return uart_take(byte);
 }
 
 /* --- steps --- */
@@ -152,7 +152,7 @@ static void report(const struct node *node, const struct channel *channel)
     tell(" refused ", refused);
     tell(" aligned ", node->aligned);
     tell(" lines_dropped ", dropped);
-    tell(" bytes_lost ", mps2_uart_lost());
+    tell(" bytes_lost ", uart_lost());
     print_text("\n");
 }
 
@@ -161,7 +161,7 @@ int main(void)
     static struct channel channel;
     static struct node node = {.checksum = CHECKSUM_BEGIN};
     const struct channel_hooks uart = {.context = NULL, .put = put, .take = take};
-    mps2_uart_start();
+    uart_start();
     channel_begin_device(&channel, &uart);
     node.transport = channel_transport(&channel);
     for (unsigned state = 0; state < STATES; ++state) {

@@ -3,6 +3,8 @@
 
 #include "platform.h"
 
+#include <stdbool.h>
+
 void print_text(const char *text)
 {
     while (*text != '\0') {
@@ -10,20 +12,22 @@ void print_text(const char *text)
     }
 }
 
-/* Tens are taken off by subtraction: a Cortex-M0 would link a division routine. */
+/* By subtraction: a Cortex-M0 would link a routine for division. */
 void print_decimal(uint32_t number)
 {
-    uint32_t unit = 1000000000u;
-    while (unit > number && unit > 1) {
-        unit /= 10;
-    }
-    for (; unit > 0; unit /= 10) {
+    static const uint32_t units[] = {1000000000u, 100000000u, 10000000u, 1000000u, 100000u,
+                                     10000u,      1000u,      100u,      10u,      1u};
+    bool begun = false;
+    for (unsigned place = 0; place < 10; ++place) {
         char digit = '0';
-        while (number >= unit) {
-            number -= unit;
+        while (number >= units[place]) {
+            number -= units[place];
             ++digit;
         }
-        platform_put(digit);
+        begun = begun || digit != '0' || units[place] == 1;
+        if (begun) {
+            platform_put(digit);
+        }
     }
 }
 
