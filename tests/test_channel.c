@@ -221,10 +221,8 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_FALSE(host.channel.heard);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&device));
     TEST_ASSERT_TRUE(device.channel.open);
-    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&host));
     TEST_ASSERT_TRUE(host.channel.heard);
-    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
     TEST_ASSERT_EQUAL(1, host.channel.counts.refused); /* C of a closed channel */
     /* A device that was open before is open again. */
     TEST_ASSERT_TRUE(channel_open(&host.channel, 6));
@@ -235,16 +233,19 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x080}));
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x80,
                                                                   .flags = ONEBIT_FRAME_EXTENDED}));
+    TEST_ASSERT_TRUE(channel_ask_version(&host.channel));
     TEST_ASSERT_TRUE(channel_close(&host.channel));
-    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&device));
     TEST_ASSERT_FALSE(device.channel.open);
     type(&to_host, "t1011AB\r"); /* it was on its way */
+    TEST_ASSERT_FALSE(host.channel.version_told);
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&host));
     TEST_ASSERT_EQUAL(0, to_host.count);
-    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
+    TEST_ASSERT_TRUE(host.channel.version_told);
+    TEST_ASSERT_TRUE(channel_ask_version(&host.channel));
+    TEST_ASSERT_FALSE(host.channel.version_told);
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, send(&host, &(onebit_frame){.identifier = 0x080}));
 }
 
@@ -254,6 +255,7 @@ static void test_a_host_that_cannot_speak_says_so(void)
     TEST_ASSERT_TRUE(channel_open(&host.channel, 6));
     TEST_ASSERT_FALSE(channel_open(&host.channel, 6));
     TEST_ASSERT_FALSE(channel_close(&host.channel));
+    TEST_ASSERT_FALSE(channel_ask_version(&host.channel));
     TEST_ASSERT_TRUE(host.channel.open);
 }
 

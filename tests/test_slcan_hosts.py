@@ -100,7 +100,7 @@ def test_a_line_that_says_nothing_is_told_and_used_all_the_same():
     assert result.returncode == 0, result.stderr
     assert result.stderr == f"onebit-node: slcan:{os.ttyname(theirs)}: nobody answers; going on\n"
     text = b""
-    while not text.endswith(b"t00020200\rC\r"):
+    while not text.endswith(b"t00020200\rV\rC\r"):
         text += os.read(ours, 65536)
     os.close(ours)
     os.close(theirs)
