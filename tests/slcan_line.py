@@ -1,8 +1,9 @@
-"""slcan-device as a test's subject: the device's end of a slcan line on a pty."""
+"""slcan-device as a test's subject, the device's end of a slcan line on a pty, and frames."""
 
 import selectors
 import subprocess
 
+import can
 from simulator import BUILD
 
 EXTENDED = 1
@@ -26,6 +27,28 @@ FRAMES = [
     for identifier in identifiers
     for length in range(9)
 ]
+
+
+def message(identifier, flags, length, data):
+    """A frame as python-can has it."""
+    return can.Message(
+        arbitration_id=identifier,
+        is_extended_id=bool(flags & EXTENDED),
+        is_remote_frame=bool(flags & REMOTE),
+        dlc=length,
+        data=None if flags & REMOTE else data,
+    )
+
+
+def same(heard, frame):
+    """Whether a message of python-can's is that frame."""
+    identifier, flags, length, data = frame
+    return (
+        (heard.arbitration_id, heard.dlc) == (identifier, length)
+        and (heard.is_extended_id, heard.is_remote_frame)
+        == (bool(flags & EXTENDED), bool(flags & REMOTE))
+        and (heard.is_remote_frame or heard.data == data)
+    )
 
 
 class Device:

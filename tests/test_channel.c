@@ -3,6 +3,7 @@
  * the manual's words; that frames pass in order, both ways, and never stop, however little room
  * there is.
  */
+#include "byte_queue.h"
 #include "channel.h"
 
 #include <unity.h>
@@ -220,10 +221,8 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_FALSE(host.channel.heard);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&device));
     TEST_ASSERT_TRUE(device.channel.open);
-    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_LATER, receive(&host));
     TEST_ASSERT_TRUE(host.channel.heard);
-    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
     TEST_ASSERT_EQUAL(1, host.channel.counts.refused); /* C of a closed channel */
     /* A device that was open before is open again. */
     TEST_ASSERT_TRUE(channel_open(&host.channel, 6));
@@ -234,14 +233,19 @@ static void test_a_host_opens_and_closes(void)
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x080}));
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, send(&host, &(onebit_frame){.identifier = 0x80,
                                                                   .flags = ONEBIT_FRAME_EXTENDED}));
+    TEST_ASSERT_TRUE(channel_ask_version(&host.channel));
     TEST_ASSERT_TRUE(channel_close(&host.channel));
-    TEST_ASSERT_EQUAL(3, host.channel.unanswered);
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
     TEST_ASSERT_EQUAL(TRANSPORT_DONE, receive(&device));
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&device));
     TEST_ASSERT_FALSE(device.channel.open);
+    type(&to_host, "t1011AB\r"); /* it was on its way */
+    TEST_ASSERT_FALSE(host.channel.version_told);
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, receive(&host));
-    TEST_ASSERT_EQUAL(0, host.channel.unanswered);
+    TEST_ASSERT_EQUAL(0, to_host.count);
+    TEST_ASSERT_TRUE(host.channel.version_told);
+    TEST_ASSERT_TRUE(channel_ask_version(&host.channel));
+    TEST_ASSERT_FALSE(host.channel.version_told);
     TEST_ASSERT_EQUAL(TRANSPORT_DOWN, send(&host, &(onebit_frame){.identifier = 0x080}));
 }
 
@@ -251,6 +255,7 @@ static void test_a_host_that_cannot_speak_says_so(void)
     TEST_ASSERT_TRUE(channel_open(&host.channel, 6));
     TEST_ASSERT_FALSE(channel_open(&host.channel, 6));
     TEST_ASSERT_FALSE(channel_close(&host.channel));
+    TEST_ASSERT_FALSE(channel_ask_version(&host.channel));
     TEST_ASSERT_TRUE(host.channel.open);
 }
 
@@ -346,6 +351,30 @@ static void test_a_line_recovers_after_noise(void)
     }
 }
 
+/* --- what feeds them --- */
+
+static void test_a_byte_queue_keeps_order_and_says_when_it_is_full(void)
+{
+    static struct byte_queue queue;
+    uint8_t byte = 0xEE;
+    uint8_t written = 0;
+    uint8_t read = 0;
+    TEST_ASSERT_FALSE(byte_queue_take(&queue, &byte));
+    TEST_ASSERT_EQUAL_HEX8(0xEE, byte);
+    /* From every place of the ring: fill it, then empty it. */
+    for (unsigned round = 0; round < 2 * BYTE_QUEUE_SIZE; ++round) {
+        for (unsigned k = 0; k < BYTE_QUEUE_SIZE - 1; ++k) {
+            TEST_ASSERT_TRUE(byte_queue_put(&queue, written++));
+        }
+        TEST_ASSERT_FALSE(byte_queue_put(&queue, 0));
+        for (unsigned k = 0; k < BYTE_QUEUE_SIZE - 1; ++k) {
+            TEST_ASSERT_TRUE(byte_queue_take(&queue, &byte));
+            TEST_ASSERT_EQUAL_HEX8(read++, byte);
+        }
+        TEST_ASSERT_FALSE(byte_queue_take(&queue, &byte));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -359,5 +388,6 @@ int main(void)
     RUN_TEST(test_a_host_takes_whatever_adapters_say);
     RUN_TEST(test_frames_pass_in_order_whatever_room_the_line_has);
     RUN_TEST(test_a_line_recovers_after_noise);
+    RUN_TEST(test_a_byte_queue_keeps_order_and_says_when_it_is_full);
     return UNITY_END();
 }

@@ -1,9 +1,12 @@
-"""Agent 3 of seven runs as Cortex-M3 firmware in QEMU, the others in onebit-node; they meet on
-QEMU's serial line, which speaks slcan. All have the bits of the simulator's run of seven."""
+"""Agent 3 of seven runs as firmware in QEMU, the others in onebit-node; they meet on QEMU's serial
+line, which speaks slcan. All have the bits of the simulator's run of seven. (test_serial_avr.py has
+the processor whose emulator takes no live line.)"""
 
+import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -20,6 +23,16 @@ SCENARIO = SCENARIOS / "aircraft-integer.yaml"
 IN_FIRMWARE = 3  # CONFIG of ports/firmware/node.c
 OTHERS = "1-2,4-7"
 STEPS = 2000
+# Presets whose boards QEMU emulates, and what each needs.
+BOARDS = {
+    "cortex-m0": (("arm-none-eabi-gcc", "gcc-arm-none-eabi"), ("qemu-system-arm",) * 2),
+    "cortex-m3": (("arm-none-eabi-gcc", "gcc-arm-none-eabi"), ("qemu-system-arm",) * 2),
+    "cortex-m4f": (("arm-none-eabi-gcc", "gcc-arm-none-eabi"), ("qemu-system-arm",) * 2),
+    "rv32imac": (
+        ("riscv64-unknown-elf-gcc", "gcc-riscv64-unknown-elf"),
+        ("qemu-system-riscv32", "qemu-system-misc"),
+    ),
+}
 # Longer than any machine stands still; nothing waits so long unless it is broken.
 PATIENCE = 300
 
@@ -28,41 +41,44 @@ def program(name, package):
     return shutil.which(name) or pytest.skip(f"program {name} is missing (Debian: {package})")
 
 
-@pytest.fixture(scope="module")
-def firmware(tmp_path_factory):
-    """The image."""
-    program("arm-none-eabi-gcc", "gcc-arm-none-eabi, picolibc-arm-none-eabi")
-    folder = tmp_path_factory.mktemp("cortex-m3")
+@pytest.fixture(scope="module", params=BOARDS)
+def emulator(request, tmp_path_factory):
+    """QEMU's command with the image, as the preset runs images; without a serial line."""
+    for name, package in BOARDS[request.param]:
+        program(name, package)
+    folder = tmp_path_factory.mktemp(request.param)
     # Flags for a host's sanitizers are not for this compiler.
     environment = {name: text for name, text in os.environ.items() if name != "CFLAGS"}
     for command in (
-        ["cmake", "--preset", "cortex-m3", "-B", folder],
+        ["cmake", "--preset", request.param, "-B", folder],
         ["cmake", "--build", folder, "--target", "node"],
+        ["ctest", "--test-dir", folder, "--show-only=json-v1"],
     ):
         result = subprocess.run(
             command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
         )
         assert result.returncode == 0, result.stdout + result.stderr
-    return folder / "bin/node.elf"
+    (hello,) = [test for test in json.loads(result.stdout)["tests"] if test["name"] == "hello"]
+    return [*hello["command"][:-1], str(folder / "bin/node.elf")]
 
 
 @pytest.fixture
-def board(firmware, tmp_path):
-    """QEMU with the image, and the path of its serial line."""
+def board(emulator, tmp_path):
+    """QEMU as it runs, and the path of its serial line."""
     line = tmp_path / "line"
+    serial = emulator.index("-serial")
+    assert emulator[serial + 1] == "none"
+    # Instructions have a time of their own (-icount): the busy loop does not race the host's.
+    assert "-icount" in emulator
+    command = [
+        *emulator[:serial],
+        *("-chardev", f"socket,id=line,path={line},server=on,wait=off", "-serial", "chardev:line"),
+        *emulator[serial + 2 :],
+    ]
     with (tmp_path / "errors").open("w") as errors:
         process = subprocess.Popen(
-            [
-                program("qemu-system-arm", "qemu-system-arm"), "-M", "mps2-an385",
-                # Instructions have a time of their own: the busy loop does not race the host's.
-                "-icount", "shift=10", "-display", "none", "-monitor", "none",
-                "-chardev", f"socket,id=line,path={line},server=on,wait=off",
-                "-serial", "chardev:line", "-chardev", "stdio,id=console",
-                "-semihosting-config", "enable=on,target=native,chardev=console",
-                "-kernel", firmware,
-            ],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True,
-        )  # fmt: skip
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True
+        )
     deadline = time.monotonic() + PATIENCE
     while not line.exists():
         assert process.poll() is None, (tmp_path / "errors").read_text()
@@ -142,3 +158,21 @@ def test_a_stop_by_signal_ends_firmware_and_host_in_the_same_step(board, tmp_pat
     steps = int(re.search(r"agent 7: steps (\d+)", text).group(1))
     assert steps >= 18
     assert output.startswith(f"agent {IN_FIRMWARE} steps {steps} "), output
+
+
+def test_a_board_that_starts_late_hears_all_the_same(board, tmp_path):
+    """The host asks again and again until it answers; then it answers all that it was asked."""
+    process, line = board
+    process.send_signal(signal.SIGSTOP)
+    command = [
+        NODE, SCENARIO, "--interface", f"slcan:{line}", "--agents", OTHERS, "--sync-master",
+        "--period", "0", "--steps", "20", "--arith", "q31",
+    ]  # fmt: skip
+    host = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(1.2)  # as long as two of its attempts
+    process.send_signal(signal.SIGCONT)
+    text, errors = host.communicate(timeout=PATIENCE)
+    assert host.returncode == 0, text + errors
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert output.startswith(f"agent {IN_FIRMWARE} steps 20 "), output
+    assert output.endswith("late 0 refused 0 aligned 0 lines_dropped 0 bytes_lost 0\n"), output

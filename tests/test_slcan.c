@@ -245,6 +245,8 @@ static void test_malformed_lines_are_counted_by_reason(void)
         {"t\r", SLCAN_LENGTH},
         {"t080\r", SLCAN_LENGTH},
         {"T0000008\r", SLCAN_LENGTH},
+        {"xxxxxxxxxxxxxxxx\r", SLCAN_UNKNOWN}, /* what the next must not take for its own */
+        {"T00000080\r", SLCAN_LENGTH},
         {"t08001\r", SLCAN_LENGTH},
         {"t0801\r", SLCAN_LENGTH},
         {"t0801A\r", SLCAN_LENGTH},

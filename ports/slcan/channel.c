@@ -122,7 +122,6 @@ bool channel_open(struct channel *channel, uint8_t bit_rate)
     }
     text[5] = (char)('0' + bit_rate);
     channel->open = true;
-    channel->unanswered = 3; /* what was asked before counts no more */
     say(channel, text);
     return true;
 }
@@ -133,21 +132,28 @@ bool channel_close(struct channel *channel)
         return false;
     }
     channel->open = false;
-    count(&channel->unanswered);
     say(channel, "C\r");
     return true;
 }
 
-/* CR alone, z, Z and BEL answer a line that the host sent. */
+bool channel_ask_version(struct channel *channel)
+{
+    if (!channel_flush(channel)) {
+        return false;
+    }
+    channel->version_told = false;
+    say(channel, "V\r");
+    return true;
+}
+
 static void note_answer(struct channel *channel, enum slcan_status status,
                         const struct slcan_line *line)
 {
-    bool sent = status == SLCAN_COMMAND && (line->command == 'z' || line->command == 'Z');
-    if (status == SLCAN_DONE || status == SLCAN_REFUSED || sent) {
-        channel->unanswered = (uint16_t)(channel->unanswered - (channel->unanswered != 0));
-    }
     if (status == SLCAN_REFUSED) {
         count(&channel->counts.refused);
+    }
+    if (status == SLCAN_COMMAND && line->command == 'V') {
+        channel->version_told = true;
     }
 }
 
@@ -168,9 +174,6 @@ static enum transport_status send_frame(void *context, const onebit_frame *frame
     if (length == 0) {
         count(&channel->counts.unsayable);
         return TRANSPORT_LATER;
-    }
-    if (channel->host) {
-        count(&channel->unanswered);
     }
     begin_output(channel, length);
     return TRANSPORT_DONE;

@@ -44,12 +44,12 @@ struct channel_counts {
 struct channel {
     struct channel_hooks hooks;
     bool host;
-    bool open;           /* frames pass; else the transport is down */
-    bool listen_only;    /* device: the host opened it so; its frames are refused */
-    bool heard;          /* the other end has ended a line, or refused */
-    uint16_t unanswered; /* host: lines sent and not answered; grows where nobody answers */
-    uint8_t pending;     /* characters of `out` that the line has yet to take ... */
-    uint8_t next;        /* ... from here on */
+    bool open;         /* frames pass; else the transport is down */
+    bool listen_only;  /* device: the host opened it so; its frames are refused */
+    bool heard;        /* the other end has ended a line, or refused */
+    bool version_told; /* host: since channel_ask_version */
+    uint8_t pending;   /* characters of `out` that the line has yet to take ... */
+    uint8_t next;      /* ... from here on */
     uint8_t out[SLCAN_LINE_MAX + 1];
     struct slcan_parser parser;
     struct channel_counts counts;
@@ -67,6 +67,13 @@ void channel_begin_host(struct channel *channel, const struct channel_hooks *hoo
  * was done, while the line is still taking something else.
  */
 bool channel_open(struct channel *channel, uint8_t bit_rate);
+
+/*
+ * Host: asks for the version. Devices answer in order: when `version_told` becomes true, all that
+ * went before has been taken. False, and nothing was done, while the line is still taking something
+ * else.
+ */
+bool channel_ask_version(struct channel *channel);
 
 /* Host: closes it; false, and nothing was done, while the line is still taking something else. */
 bool channel_close(struct channel *channel);

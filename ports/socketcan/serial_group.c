@@ -18,10 +18,12 @@
 
 enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
-#define KNOCK 500000000u           /* nanoseconds between two attempts to open the channel */
-#define KNOCKS 10                  /* then it goes on: some adapters never answer */
-#define MISSING (10 * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
-#define LAST_BYTES LOOP_SECOND     /* what the stop may take to leave */
+#define KNOCK 500000000u              /* nanoseconds between two attempts to open the channel */
+#define KNOCKS 10                     /* then it goes on: some adapters never answer */
+#define MISSING (10ull * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
+/* What the end may take, of a socket whose other end answers and of anything else. */
+#define SOCKET_END (60ull * LOOP_SECOND)
+#define OTHER_END LOOP_SECOND
 
 struct member {
     uint32_t agent;
@@ -55,6 +57,15 @@ struct group {
     uint64_t deadline_misses;
     uint64_t frames_in;
     uint64_t other_masters; /* SYNC from the line */
+};
+
+/* What is left to do at the end. */
+enum closing {
+    STOP,  /* stop the nodes behind the line */
+    ASK,   /* make sure that it was heard */
+    CLOSE, /* close the channel */
+    END,   /* and make sure of that */
+    ENDED
 };
 
 static bool lock_step(const struct group *group)
@@ -293,32 +304,56 @@ static void run(struct group *group)
     }
 }
 
+/* Does one thing after the other until one cannot be done yet; then it is to be called again. */
+static void close_channel(struct group *group, enum closing *closing)
+{
+    struct channel *channel = &group->channel;
+    onebit_frame frame;
+    canopen_stop_all(&frame);
+    if (*closing == STOP &&
+        group->transport.send(group->transport.context, &frame) == TRANSPORT_DONE) {
+        *closing = ASK;
+    }
+    if (*closing == ASK && channel_ask_version(channel)) {
+        *closing = CLOSE;
+    }
+    if (*closing == CLOSE && channel->version_told) {
+        channel->heard = false;
+        *closing = channel_close(channel) ? END : CLOSE;
+    }
+    if (*closing == END && channel->heard) {
+        *closing = ENDED;
+    }
+}
+
 /*
- * Tells the nodes behind the line that it is over, and an adapter to leave the bus. What is written
- * may be lost when the line is closed, so this waits for the last answer. True if all was written.
+ * Tells the nodes behind the line that it is over, and an adapter to leave the bus. What an
+ * emulator has not read when its socket is closed is lost, so this waits for the answers; a
+ * terminal keeps what was written, and who behind it does not answer is not waited for. False if
+ * the line went down before the stop was written.
  */
 static bool say_stop(struct group *group)
 {
-    uint64_t until = loop_now(CLOCK_MONOTONIC) + LAST_BYTES;
+    bool patient = group->serial.is_socket && group->channel.heard;
+    uint64_t limit = patient ? SOCKET_END : OTHER_END;
+    uint64_t until = loop_now(CLOCK_MONOTONIC) + limit;
+    enum closing closing = STOP;
     onebit_frame frame;
     uint64_t time;
-    bool stopped = false;
-    bool closed = false;
     bool written = false;
-    while (!group->serial.down && loop_now(CLOCK_MONOTONIC) < until &&
-           (!written || group->channel.unanswered != 0)) {
-        canopen_stop_all(&frame);
-        stopped =
-            stopped || group->transport.send(group->transport.context, &frame) == TRANSPORT_DONE;
-        closed = closed || (stopped && channel_close(&group->channel));
-        written = closed && channel_flush(&group->channel) && serial_flush(&group->serial);
-        if (!written || group->channel.unanswered != 0) {
-            usleep(LOOP_RETRY / 1000);
-        }
-        /* Messages are nobody's any more, answers are counted. */
+    while (closing != ENDED && !group->serial.down && loop_now(CLOCK_MONOTONIC) < until) {
+        close_channel(group, &closing);
+        channel_flush(&group->channel);
+        written = (serial_flush(&group->serial) && closing > ASK) || written;
+        /* Messages are nobody's any more. */
         while (group->transport.receive(group->transport.context, &frame, &time) ==
                TRANSPORT_DONE) {
         }
+        usleep(LOOP_RETRY / 1000);
+    }
+    if (closing < END) { /* no answer, but an adapter may have taken all the same */
+        channel_close(&group->channel);
+        serial_flush(&group->serial);
     }
     return written;
 }
