@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #define RATIO_LIMIT ONEBIT_REAL(4.0) /* of |threshold| + bound */
-#define ESTIMATOR_GAIN_LIMIT 65536u  /* noise units; the fixed-point gain's exponent from -1 */
+#define ESTIMATOR_GAIN_LIMIT_LOG2 16 /* noise units; the fixed-point gain's exponent from -1 */
 #define STALE_FROM 64u               /* step errors 64..127 are behind the clock */
 
 /*
@@ -84,32 +84,17 @@ onebit_status onebit_check(const onebit_config *config)
     if (!(config->bound > 0 && config->bound <= RATIO_LIMIT - distance)) {
         return ONEBIT_CONFIG_BOUND;
     }
-    if (!onebit_coefficient_valid(config->estimator_gain, ESTIMATOR_GAIN_LIMIT)) {
+    if (!onebit_coefficient_valid(config->estimator_gain) ||
+        !onebit_coefficient_within(config->estimator_gain, ESTIMATOR_GAIN_LIMIT_LOG2)) {
         return ONEBIT_CONFIG_ESTIMATOR_GAIN;
     }
-    if (!onebit_coefficient_valid(config->control_gain, 0)) {
+    if (!onebit_coefficient_valid(config->control_gain)) {
         return ONEBIT_CONFIG_CONTROL_GAIN;
     }
     if (config->start == 0 || config->start == UINT32_MAX) {
         return ONEBIT_CONFIG_START;
     }
     return onebit_frame_agent_limit(&config->format) == 0 ? ONEBIT_CONFIG_FORMAT : ONEBIT_OK;
-}
-
-/* The step begins: nothing heard, the gain of its clock. */
-static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_t clock)
-{
-    agent->clock = clock;
-    agent->heard = 0;
-    agent->gain = onebit_gain_at(config->estimator_gain, clock);
-}
-
-/* After 2^32 - 1 the clock returns to 2^32 - 128: residues run on, gains stay where they are. */
-static uint32_t wrapped(uint64_t clock)
-{
-    return clock <= UINT32_MAX
-               ? (uint32_t)clock
-               : UINT32_MAX - (ONEBIT_STEP_MODULUS - 1u) + (uint32_t)(clock % ONEBIT_STEP_MODULUS);
 }
 
 onebit_status onebit_start(const onebit_config *config, onebit_agent *agent, onebit_link *links,
@@ -128,15 +113,10 @@ onebit_status onebit_start(const onebit_config *config, onebit_agent *agent, one
         }
     }
     for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        links[k].estimate = estimates != NULL ? estimates[k] : 0;
-        links[k].carry = 0;
+        links[k] = (onebit_link){estimates != NULL ? estimates[k] : 0, 0};
     }
-    agent->links = links;
-    for (unsigned k = 0; k < ONEBIT_REFUSALS; ++k) {
-        agent->refused[k] = 0;
-    }
-    begin_step(config, agent, config->start + 1u);
-    return ONEBIT_OK;
+    *agent = (onebit_agent){.links = links, .clock = config->start};
+    return onebit_advance(config, agent, 1);
 }
 
 /* K2 x / sigma. */
@@ -155,18 +135,43 @@ onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, u
     if (!onebit_finite(z)) {
         return ONEBIT_STATE;
     }
-    onebit_real u = onebit_difference(config->threshold, z);
-    *bit = (onebit_probability)(word >> 1) < onebit_distribution(u);
+    *bit = (onebit_probability)(word >> 1) < onebit_distribution(config->threshold, z);
     return ONEBIT_OK;
 }
 
-static onebit_status refuse(onebit_agent *agent, onebit_status status)
+/* A frame's code on its way out: from ONEBIT_UNKNOWN on it moves its counter. */
+static onebit_status counted(onebit_agent *agent, onebit_status status)
 {
-    uint16_t *counter = &agent->refused[status - ONEBIT_UNKNOWN];
-    if (*counter != UINT16_MAX) {
-        ++*counter;
+    if (status >= ONEBIT_UNKNOWN && agent->refused[status - ONEBIT_UNKNOWN] != UINT16_MAX) {
+        ++agent->refused[status - ONEBIT_UNKNOWN];
     }
     return status;
+}
+
+/* onebit_receive_message without its counters. */
+static onebit_status take(const onebit_config *config, onebit_agent *agent,
+                          const onebit_message *message)
+{
+    if (config->format.mode == ONEBIT_LINK && message->receiver != config->agent) {
+        return ONEBIT_UNKNOWN;
+    }
+    unsigned k = 0;
+    while (k < config->neighbour_count && config->neighbours[k] != message->sender) {
+        ++k;
+    }
+    if (k == config->neighbour_count) {
+        return ONEBIT_UNKNOWN;
+    }
+    uint32_t error = message->has_step ? (message->step - agent->clock) % ONEBIT_STEP_MODULUS : 0;
+    if (error != 0) {
+        return error >= STALE_FROM ? ONEBIT_STALE : ONEBIT_EARLY;
+    }
+    if (agent->heard >> k & 1u) {
+        return ONEBIT_REPEATED;
+    }
+    agent->heard |= (uint32_t)1 << k;
+    onebit_estimate(&agent->links[k], agent->gain, config->threshold, config->bound, message->bit);
+    return ONEBIT_OK;
 }
 
 onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *agent,
@@ -175,41 +180,18 @@ onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *
     if (config == NULL || agent == NULL || message == NULL) {
         return ONEBIT_NULL;
     }
-    if (config->format.mode == ONEBIT_LINK && message->receiver != config->agent) {
-        return refuse(agent, ONEBIT_UNKNOWN);
-    }
-    /* Ascending numbers: the search ends at the first that is not below the sender. */
-    unsigned k = 0;
-    while (k < config->neighbour_count && config->neighbours[k] < message->sender) {
-        ++k;
-    }
-    if (k == config->neighbour_count || config->neighbours[k] != message->sender) {
-        return refuse(agent, ONEBIT_UNKNOWN);
-    }
-    uint32_t error = message->has_step ? (message->step - agent->clock) % ONEBIT_STEP_MODULUS : 0;
-    if (error != 0) {
-        return refuse(agent, error >= STALE_FROM ? ONEBIT_STALE : ONEBIT_EARLY);
-    }
-    if (agent->heard >> k & 1u) {
-        return refuse(agent, ONEBIT_REPEATED);
-    }
-    agent->heard |= (uint32_t)1 << k;
-    onebit_estimate(&agent->links[k], agent->gain, config->threshold, config->bound, message->bit);
-    return ONEBIT_OK;
+    return counted(agent, take(config, agent, message));
 }
 
 onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
                              const onebit_frame *frame)
 {
-    if (config == NULL || agent == NULL || frame == NULL) {
+    if (config == NULL || agent == NULL) {
         return ONEBIT_NULL;
     }
     onebit_message message;
     onebit_status status = onebit_frame_decode(&config->format, frame, &message);
-    if (status == ONEBIT_OK) {
-        return onebit_receive_message(config, agent, &message);
-    }
-    return status == ONEBIT_CONFIG_FORMAT ? status : refuse(agent, status);
+    return counted(agent, status != ONEBIT_OK ? status : take(config, agent, &message));
 }
 
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
@@ -219,14 +201,15 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         return ONEBIT_NULL;
     }
     onebit_real z = compressed(config, x);
-    onebit_real stabilizing =
-        onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
     onebit_sum sum = 0;
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        if (agent->heard >> k & 1u) {
-            sum += (onebit_sum)agent->links[k].estimate - z;
+    const onebit_link *link = agent->links;
+    for (uint32_t heard = agent->heard; heard != 0; heard >>= 1, ++link) {
+        if (heard & 1u) {
+            sum += (onebit_sum)link->estimate - z;
         }
     }
+    onebit_real stabilizing =
+        onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
     uint32_t next = agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
     onebit_real control = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next),
                                          sum, CONSENSUS_SHIFT(config));
@@ -234,8 +217,7 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         return ONEBIT_STATE;
     }
     *u = control;
-    begin_step(config, agent, wrapped((uint64_t)agent->clock + 1u));
-    return ONEBIT_OK;
+    return onebit_advance(config, agent, 1);
 }
 
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
@@ -243,10 +225,17 @@ onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, i
     if (config == NULL || agent == NULL) {
         return ONEBIT_NULL;
     }
-    int64_t clock = (int64_t)agent->clock + steps;
-    if (clock <= (int64_t)config->start) {
-        return ONEBIT_CLOCK;
+    uint32_t clock = agent->clock + (uint32_t)steps;
+    if (steps < 0) {
+        if (clock > agent->clock || clock <= config->start) {
+            return ONEBIT_CLOCK;
+        }
+    } else if (clock < agent->clock) {
+        /* After 2^32 - 1 comes 2^32 - 128: residues run on, gains stay where they are. */
+        clock |= 0u - ONEBIT_STEP_MODULUS;
     }
-    begin_step(config, agent, wrapped((uint64_t)clock));
+    agent->clock = clock;
+    agent->heard = 0;
+    agent->gain = onebit_gain_at(config->estimator_gain, clock);
     return ONEBIT_OK;
 }

@@ -40,9 +40,15 @@ typedef struct onebit_link {
     uint32_t carry;
 } onebit_link;
 
-static inline onebit_probability onebit_distribution(onebit_real u)
+/*
+ * F(threshold - z) for any z: it is brought within the CDF's table first, where the difference does
+ * not overflow, |threshold| < 4 (onebit_check) and the table's end 5.
+ */
+static inline onebit_probability onebit_distribution(onebit_real threshold, onebit_real z)
 {
-    return onebit_cdf(u);
+    const onebit_real least = threshold - ONEBIT_CDF_END;
+    const onebit_real most = threshold + ONEBIT_CDF_END;
+    return onebit_cdf_minus(threshold - (z < least ? least : (z > most ? most : z)), 0);
 }
 
 /*
@@ -77,29 +83,21 @@ static inline int32_t onebit_rescale(int64_t value, int shift)
     /* Any other number than 0 saturates from 31 on. */
     int places = shift < -31 ? 31 : -shift;
     int32_t result = onebit_saturate(value);
-    if (result > INT32_MAX >> places || result < INT32_MIN >> places) {
-        return (result >> 31) ^ INT32_MAX;
-    }
-    return (int32_t)((uint32_t)result << places);
+    int32_t moved = (int32_t)((uint32_t)result << places);
+    return moved >> places == result ? moved : (result >> 31) ^ INT32_MAX;
 }
 
-static inline int32_t onebit_difference(onebit_real minuend, onebit_real subtrahend)
+static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
 {
-    return onebit_saturate((int64_t)minuend - subtrahend);
+    return coefficient.value != 0 && coefficient.fraction_bits >= -16 &&
+           coefficient.fraction_bits <= 62;
 }
 
-/* In (0, limit]; a limit of 0 is none. */
-static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint32_t limit)
+/* A valid coefficient is at most 2^power, 16 <= power. */
+static inline bool onebit_coefficient_within(onebit_coefficient coefficient, int power)
 {
-    int bits = coefficient.fraction_bits;
-    if (coefficient.value == 0 || bits < -16 || bits > 62) {
-        return false;
-    }
-    if (limit == 0) {
-        return true;
-    }
-    return bits < 0 ? coefficient.value <= limit >> -bits
-                    : bits > 31 || (coefficient.value - 1u) >> bits < limit;
+    int places = coefficient.fraction_bits + power;
+    return places > 31 || coefficient.value <= (uint32_t)1 << places;
 }
 
 /* A row is valid when its entries' magnitudes add to less than 2^31: see onebit_dot. */
@@ -123,22 +121,13 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
     unsigned divisor_places = onebit_leading_zeros(t);
     uint32_t dividend = coefficient.value << dividend_places;
     uint32_t divisor = t << divisor_places;
-    int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places;
+    int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places +
+                   (dividend < divisor);
 
-    /* Both are in [2^31, 2^32), so either this bit of the quotient or the next one is set. */
-    if (dividend >= divisor) {
-        dividend -= divisor;
-    } else {
-        dividend += dividend - divisor; /* 2 dividend - divisor < divisor, modulo 2^32 */
-        ++exponent;
-    }
-    /* 17 bits, of which the last one rounds. */
-    uint32_t mantissa = (0x10001u + onebit_quotient(dividend, divisor)) >> 1;
-    if (mantissa == 0x10000u) {
-        mantissa = 0x8000u;
-        --exponent;
-    }
-    onebit_gain gain = {(uint16_t)mantissa, (int16_t)exponent};
+    /* 17 bits, of which the last one rounds, and may round up to 2^16. */
+    uint32_t mantissa = (onebit_quotient(dividend, divisor) + 1u) >> 1;
+    uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER);
+    onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(exponent - (int)excess)};
     return gain;
 }
 
@@ -185,7 +174,7 @@ static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *
 {
     int64_t sum = 0;
     for (unsigned k = 0; k < count; ++k) {
-        sum += (int64_t)row[k] * x[k];
+        sum += onebit_product(row[k], x[k]);
     }
     return onebit_rescale(sum, shift);
 }
@@ -197,8 +186,10 @@ static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *
 static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain gain, onebit_sum sum,
                                          int shift)
 {
-    return onebit_saturate((int64_t)stabilizing +
-                           onebit_rescale(sum * gain.mantissa, gain.exponent + shift));
+    int64_t upper = onebit_product((int32_t)(sum >> 16), gain.mantissa);
+    int64_t product =
+        upper * 65536 + (uint32_t)onebit_half((uint32_t)sum, ONEBIT_LOWER) * gain.mantissa;
+    return onebit_saturate((int64_t)stabilizing + onebit_rescale(product, gain.exponent + shift));
 }
 
 #endif

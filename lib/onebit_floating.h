@@ -31,26 +31,29 @@ typedef struct onebit_link {
 
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 
-/* F(u) times 2^31. */
+/* F times 2^31. */
 typedef double onebit_probability;
 
-static inline onebit_probability onebit_distribution(onebit_real u)
+/* F(threshold - z). */
+static inline onebit_probability onebit_distribution(onebit_real threshold, onebit_real z)
 {
-    return 1073741824.0 * erfc(-u * 0.70710678118654752440);
+    return 1073741824.0 * erfc((z - threshold) * 0.70710678118654752440);
 }
 
 /* F(u) - bit. */
 static inline onebit_real onebit_innovation(onebit_real u, bool bit)
 {
-    return onebit_distribution(u) / 2147483648.0 - (bit ? 1.0 : 0.0);
+    return onebit_distribution(u, 0) / 2147483648.0 - (bit ? 1.0 : 0.0);
 }
 
 #else
 
 typedef uint32_t onebit_probability;
 
-static inline onebit_probability onebit_distribution(onebit_real u)
+/* F(threshold - z). */
+static inline onebit_probability onebit_distribution(onebit_real threshold, onebit_real z)
 {
+    onebit_real u = threshold - z;
     /* 15.99 is far beyond the table's end and, times 2^27, within int32_t. A NaN ends there too. */
     if (!(u < 15.99f)) {
         u = 15.99f;
@@ -76,11 +79,15 @@ static inline bool onebit_finite(onebit_real value)
     return value - value == 0;
 }
 
-/* In (0, limit]; a limit of 0 is none. */
-static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint32_t limit)
+static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
 {
-    return onebit_finite(coefficient) && coefficient > 0 &&
-           (limit == 0 || coefficient <= (onebit_real)limit);
+    return onebit_finite(coefficient) && coefficient > 0;
+}
+
+/* A valid coefficient is at most 2^power, power <= 31. */
+static inline bool onebit_coefficient_within(onebit_coefficient coefficient, int power)
+{
+    return coefficient <= (onebit_real)((uint32_t)1 << power);
 }
 
 /* A row of gains is valid when it is finite. */
@@ -97,11 +104,6 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
 static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
 {
     return coefficient / (onebit_real)t;
-}
-
-static inline onebit_real onebit_difference(onebit_real minuend, onebit_real subtrahend)
-{
-    return minuend - subtrahend;
 }
 
 /*

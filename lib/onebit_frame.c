@@ -9,26 +9,30 @@
 #define SENDER_SHIFT 14u
 #define LINK_AGENT_LAST 0x1FFFu /* receiver: identifier bits 13..1 */
 
-static inline uint32_t agent_limit(const onebit_format *format)
+/* Numbers from 1 to the limit stand in the identifier above the base, from this bit on. */
+static unsigned sender_shift(const onebit_format *format)
 {
-    if (format->encoding > ONEBIT_IN_IDENTIFIER) {
+    return format->mode == ONEBIT_LINK ? SENDER_SHIFT : format->encoding;
+}
+
+static uint32_t identifier_base(const onebit_format *format)
+{
+    return format->mode == ONEBIT_LINK ? ONEBIT_LINK_BASE : format->base;
+}
+
+uint32_t onebit_frame_agent_limit(const onebit_format *format)
+{
+    if (format == NULL || format->mode > ONEBIT_LINK || format->encoding > ONEBIT_IN_IDENTIFIER) {
         return 0;
     }
     if (format->mode == ONEBIT_LINK) {
         return LINK_AGENT_LAST;
     }
-    /* Agent 1 is at base + 1 or base + 2, which must not fall on SYNC or below. */
-    if (format->mode != ONEBIT_BROADCAST || format->base < IDENTIFIER_FIRST - 1u ||
-        format->base > IDENTIFIER_LAST) {
+    /* Agent 1 is at base + 1 or base + 2, which must not fall on SYNC or below, nor too high. */
+    if (format->base < IDENTIFIER_FIRST - 1u || format->base > IDENTIFIER_LAST - format->encoding) {
         return 0;
     }
-    uint32_t room = IDENTIFIER_LAST - format->base;
-    return format->encoding == ONEBIT_PAYLOAD ? room : (room == 0 ? 0 : (room - 1u) / 2u);
-}
-
-uint32_t onebit_frame_agent_limit(const onebit_format *format)
-{
-    return format == NULL ? 0 : agent_limit(format);
+    return ((IDENTIFIER_LAST + 1u - format->base) >> format->encoding) - 1u;
 }
 
 onebit_status onebit_frame_encode(const onebit_format *format, const onebit_message *message,
@@ -37,32 +41,24 @@ onebit_status onebit_frame_encode(const onebit_format *format, const onebit_mess
     if (format == NULL || message == NULL || frame == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = agent_limit(format);
+    uint32_t limit = onebit_frame_agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }
+    bool link = format->mode == ONEBIT_LINK;
+    bool payload = format->encoding == ONEBIT_PAYLOAD;
     /* Numbers from 1: zero wraps to the largest and is refused by the same comparison. */
-    if (message->sender - 1u >= limit ||
-        (format->mode == ONEBIT_LINK && message->receiver - 1u >= limit)) {
+    if (message->sender - 1u >= limit || (link && message->receiver - 1u >= limit)) {
         return ONEBIT_IDENTIFIER;
     }
-    bool payload = format->encoding == ONEBIT_PAYLOAD;
-    uint32_t bit = message->bit ? 1u : 0u;
-    uint32_t identifier;
-    if (format->mode == ONEBIT_LINK) {
-        identifier = ONEBIT_LINK_BASE + (message->sender << SENDER_SHIFT) +
-                     (message->receiver << RECEIVER_SHIFT) + (payload ? 0u : bit);
-    } else if (payload) {
-        identifier = format->base + message->sender;
-    } else {
-        identifier = format->base + 2u * message->sender + bit;
-    }
-    *frame = (onebit_frame){0};
-    frame->identifier = identifier;
-    frame->flags = format->mode == ONEBIT_LINK ? ONEBIT_FRAME_EXTENDED : 0u;
+    onebit_frame_sync(frame);
+    frame->identifier = identifier_base(format) + (message->sender << sender_shift(format)) +
+                        (link ? message->receiver << RECEIVER_SHIFT : 0u) +
+                        (payload ? 0u : message->bit);
+    frame->flags = link ? ONEBIT_FRAME_EXTENDED : 0u;
     if (payload) {
         frame->length = 1;
-        frame->data[0] = (uint8_t)(((message->step % ONEBIT_STEP_MODULUS) << 1) | bit);
+        frame->data[0] = (uint8_t)(message->step << 1 | message->bit); /* bit 7 of step falls out */
     }
     return ONEBIT_OK;
 }
@@ -73,7 +69,7 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
     if (format == NULL || frame == NULL || message == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = agent_limit(format);
+    uint32_t limit = onebit_frame_agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }
@@ -82,24 +78,15 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
     }
     bool link = format->mode == ONEBIT_LINK;
     bool payload = format->encoding == ONEBIT_PAYLOAD;
-    if (((frame->flags & ONEBIT_FRAME_EXTENDED) != 0) != link) {
-        return ONEBIT_UNKNOWN;
-    }
     /* Unsigned: an identifier below the base wraps to a number above every limit. */
-    uint32_t offset = frame->identifier - (link ? ONEBIT_LINK_BASE : format->base);
-    uint32_t bit = offset & 1u;
-    uint32_t sender;
-    uint32_t receiver = 0;
-    if (link) {
-        sender = offset >> SENDER_SHIFT;
-        receiver = (offset >> RECEIVER_SHIFT) & LINK_AGENT_LAST;
-        if (receiver == 0 || (payload && bit != 0)) {
-            return ONEBIT_UNKNOWN;
-        }
-    } else {
-        sender = payload ? offset : offset >> 1;
-    }
-    if (sender - 1u >= limit) {
+    uint32_t offset = frame->identifier - identifier_base(format);
+    uint32_t sender = offset >> sender_shift(format);
+    /* Below the sender stand receiver and bit in link mode, else a bit or nothing. */
+    uint32_t below = offset - (sender << sender_shift(format));
+    uint32_t receiver = below >> RECEIVER_SHIFT;
+    uint32_t byte = below & 1u;
+    if (((frame->flags & ONEBIT_FRAME_EXTENDED) != 0) != link || sender - 1u >= limit ||
+        (receiver != 0) != link || (payload && byte != 0)) {
         return ONEBIT_UNKNOWN;
     }
     if (frame->flags & ONEBIT_FRAME_REMOTE) {
@@ -111,11 +98,14 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
     if (frame->length != (payload ? 1u : 0u)) {
         return ONEBIT_LENGTH;
     }
+    if (payload) {
+        byte = frame->data[0];
+    }
     message->sender = sender;
     message->receiver = receiver;
-    message->step = payload ? (uint8_t)(frame->data[0] >> 1) : 0u;
+    message->step = (uint8_t)(byte >> 1);
     message->has_step = payload;
-    message->bit = (payload ? frame->data[0] & 1u : bit) != 0;
+    message->bit = (byte & 1u) != 0;
     return ONEBIT_OK;
 }
 

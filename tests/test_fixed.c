@@ -154,12 +154,27 @@ static void test_rescale_of_halves(void)
     }
 }
 
-static void test_difference_saturates(void)
+/* Whatever z is: F of the exact difference, brought to 32 bits. */
+static void check_distribution(int32_t threshold, int32_t z)
 {
-    for (unsigned k = 0; k < EDGES_32; ++k) {
+    REQUIRE(onebit_distribution(threshold, z) == onebit_cdf(clamped((wide)threshold - z)),
+            "F(%ld - %ld)", (long)threshold, (long)z);
+}
+
+static void test_distribution(void)
+{
+    static const int32_t thresholds[] = {1 - (1 << 29), -1, 0, 1, 1 << 27, (1 << 29) - 1};
+    uint64_t seed = 20;
+    for (unsigned k = 0; k < sizeof thresholds / sizeof *thresholds; ++k) {
         for (unsigned m = 0; m < EDGES_32; ++m) {
-            TEST_ASSERT_EQUAL_INT32(clamped((wide)edges_32[k] - edges_32[m]),
-                                    onebit_difference(edges_32[k], edges_32[m]));
+            check_distribution(thresholds[k], edges_32[m]);
+        }
+        for (int32_t around = -600; around <= 600; ++around) {
+            check_distribution(thresholds[k], thresholds[k] - ONEBIT_CDF_END + around);
+            check_distribution(thresholds[k], thresholds[k] + ONEBIT_CDF_END + around);
+        }
+        for (unsigned trial = 0; trial < 300000; ++trial) {
+            check_distribution(thresholds[k], (int32_t)random_word(&seed));
         }
     }
 }
@@ -170,7 +185,8 @@ static void check_leading_zeros(uint32_t word)
     while ((word << places) >> 31 == 0) {
         ++places;
     }
-    REQUIRE(onebit_leading_zeros(word) == places, "leading zeros of %lu", (unsigned long)word);
+    REQUIRE(onebit_leading_zeros(word) == places && onebit_leading_zeros_by_steps(word) == places,
+            "leading zeros of %lu", (unsigned long)word);
 }
 
 static void test_leading_zeros(void)
@@ -270,18 +286,16 @@ static void test_coefficient_valid(void)
     static const uint32_t values[] = {0,          1,     2,          3,          65535,
                                       65536,      65537, 0x7FFFFFFF, 0x80000000, 0x80000001,
                                       0xFFFFFFFF, 1000,  2097152,    2097153};
-    static const uint32_t limits[] = {1, 2, 65535, 65536, UINT32_MAX};
     for (unsigned v = 0; v < sizeof values / sizeof *values; ++v) {
         for (int bits = -128; bits <= 127; ++bits) {
             onebit_coefficient candidate = {values[v], (int8_t)bits};
             bool formed = values[v] != 0 && bits >= -16 && bits <= 62;
-            TEST_ASSERT_EQUAL(formed, onebit_coefficient_valid(candidate, 0));
-            for (unsigned l = 0; l < sizeof limits / sizeof *limits; ++l) {
-                bool within = formed && (bits < 0 ? values[v] * power(-bits) <= limits[l]
-                                                  : values[v] <= limits[l] * power(bits));
-                REQUIRE(onebit_coefficient_valid(candidate, limits[l]) == within,
-                        "%lu with %d bits against %lu", (unsigned long)values[v], bits,
-                        (unsigned long)limits[l]);
+            TEST_ASSERT_EQUAL(formed, onebit_coefficient_valid(candidate));
+            for (int limit = 16; formed && limit <= 31; ++limit) {
+                bool within = bits < 0 ? values[v] * power(-bits) <= power(limit)
+                                       : values[v] <= power(limit) * power(bits);
+                REQUIRE(onebit_coefficient_within(candidate, limit) == within,
+                        "%lu with %d bits against 2^%d", (unsigned long)values[v], bits, limit);
             }
         }
     }
@@ -355,7 +369,7 @@ static void test_gain_at(void)
  */
 static void check_quotient(uint32_t dividend, uint32_t divisor)
 {
-    uint32_t exact = (uint32_t)((wide)dividend * 65536 / divisor);
+    uint32_t exact = (uint32_t)((wide)dividend * (dividend < divisor ? 131072 : 65536) / divisor);
     REQUIRE(onebit_quotient_by_shifting(dividend, divisor) == exact &&
                 onebit_quotient(dividend, divisor) == exact,
             "quotient %lu / %lu", (unsigned long)dividend, (unsigned long)divisor);
@@ -363,16 +377,36 @@ static void check_quotient(uint32_t dividend, uint32_t divisor)
 
 static void test_quotient_by_shifting(void)
 {
-    static const uint32_t divisors[] = {1, 2, 3, 0x7FFFFFFF, 0x80000000, 0x80000001, 0xFFFFFFFF};
-    for (unsigned k = 0; k < sizeof divisors / sizeof *divisors; ++k) {
-        check_quotient(0, divisors[k]);
-        check_quotient(divisors[k] / 2u, divisors[k]);
-        check_quotient(divisors[k] - 1u, divisors[k]);
+    static const uint32_t words[] = {0x80000000, 0x80000001, 0xBFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFF};
+    for (unsigned k = 0; k < sizeof words / sizeof *words; ++k) {
+        for (unsigned m = 0; m < sizeof words / sizeof *words; ++m) {
+            check_quotient(words[k], words[m]);
+        }
     }
     uint64_t seed = 15;
     for (unsigned trial = 0; trial < 3000000; ++trial) {
-        uint32_t divisor = random_word(&seed) | (trial % 4u == 0 ? 1u : 0x80000000u);
-        check_quotient((uint32_t)(((uint64_t)random_word(&seed) * divisor) >> 32), divisor);
+        check_quotient(random_word(&seed) | 0x80000000u, random_word(&seed) | 0x80000000u);
+    }
+}
+
+/* The way of processors without a product of 64 bits, too. */
+static void check_product(int32_t left, int32_t right)
+{
+    int64_t exact = (int64_t)left * right;
+    REQUIRE(onebit_product(left, right) == exact && onebit_product_by_halves(left, right) == exact,
+            "%ld times %ld", (long)left, (long)right);
+}
+
+static void test_product(void)
+{
+    uint64_t seed = 21;
+    for (unsigned k = 0; k < EDGES_32; ++k) {
+        for (unsigned m = 0; m < EDGES_32; ++m) {
+            check_product(edges_32[k], edges_32[m]);
+        }
+    }
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        check_product((int32_t)random_word(&seed), (int32_t)random_word(&seed));
     }
 }
 
@@ -518,7 +552,6 @@ static void test_innovation(void)
 {
     for (int64_t u = -(1 << 29); u <= 1 << 29; u += 9973) {
         int64_t probability = onebit_cdf((int32_t)u);
-        TEST_ASSERT_TRUE(onebit_distribution((int32_t)u) == probability);
         TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, false) == probability);
         TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, true) == probability - 0x80000000LL);
     }
@@ -600,13 +633,14 @@ int main(void)
     RUN_TEST(test_saturate);
     RUN_TEST(test_rescale);
     RUN_TEST(test_rescale_of_halves);
-    RUN_TEST(test_difference_saturates);
+    RUN_TEST(test_distribution);
     RUN_TEST(test_leading_zeros);
     RUN_TEST(test_row_valid);
     RUN_TEST(test_dot);
     RUN_TEST(test_coefficient_valid);
     RUN_TEST(test_gain_at);
     RUN_TEST(test_quotient_by_shifting);
+    RUN_TEST(test_product);
     RUN_TEST(test_scaled);
     RUN_TEST(test_shifted);
     RUN_TEST(test_accumulate);

@@ -172,7 +172,7 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
     for (unsigned k = 0; k < STEPS; ++k) {
         for (unsigned i = 0; i < NEIGHBOURS; ++i) {
             trial->bits[i] = (onebit_probability)(figure_random() >> 1) <
-                             onebit_distribution(aircraft.threshold - places[i]);
+                             onebit_distribution(aircraft.threshold, places[i]);
         }
         for (unsigned i = 0; i < STATES; ++i) {
             trial->x[i] = RANDOM_REAL((int32_t)figure_random() / 64); /* within 1/4 */

@@ -10,9 +10,9 @@ void figures_update(const onebit_config *config, const onebit_agent *agent, oneb
     onebit_estimate(link, agent->gain, config->threshold, config->bound, bit);
 }
 
-onebit_probability figures_cdf(onebit_real u)
+onebit_probability figures_cdf(onebit_real z)
 {
-    return onebit_distribution(u);
+    return onebit_distribution(0, z);
 }
 
 void figures_step(struct figures_trial *trial)
