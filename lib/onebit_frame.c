@@ -20,9 +20,9 @@ static uint32_t identifier_base(const onebit_format *format)
     return format->mode == ONEBIT_LINK ? ONEBIT_LINK_BASE : format->base;
 }
 
-uint32_t onebit_frame_agent_limit(const onebit_format *format)
+static inline uint32_t agent_limit(const onebit_format *format)
 {
-    if (format == NULL || format->mode > ONEBIT_LINK || format->encoding > ONEBIT_IN_IDENTIFIER) {
+    if (format->mode > ONEBIT_LINK || format->encoding > ONEBIT_IN_IDENTIFIER) {
         return 0;
     }
     if (format->mode == ONEBIT_LINK) {
@@ -35,13 +35,18 @@ uint32_t onebit_frame_agent_limit(const onebit_format *format)
     return ((IDENTIFIER_LAST + 1u - format->base) >> format->encoding) - 1u;
 }
 
+uint32_t onebit_frame_agent_limit(const onebit_format *format)
+{
+    return format == NULL ? 0 : agent_limit(format);
+}
+
 onebit_status onebit_frame_encode(const onebit_format *format, const onebit_message *message,
                                   onebit_frame *frame)
 {
     if (format == NULL || message == NULL || frame == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = onebit_frame_agent_limit(format);
+    uint32_t limit = agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }
@@ -51,7 +56,7 @@ onebit_status onebit_frame_encode(const onebit_format *format, const onebit_mess
     if (message->sender - 1u >= limit || (link && message->receiver - 1u >= limit)) {
         return ONEBIT_IDENTIFIER;
     }
-    onebit_frame_sync(frame);
+    *frame = (onebit_frame){0};
     frame->identifier = identifier_base(format) + (message->sender << sender_shift(format)) +
                         (link ? message->receiver << RECEIVER_SHIFT : 0u) +
                         (payload ? 0u : message->bit);
@@ -69,7 +74,7 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
     if (format == NULL || frame == NULL || message == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t limit = onebit_frame_agent_limit(format);
+    uint32_t limit = agent_limit(format);
     if (limit == 0) {
         return ONEBIT_CONFIG_FORMAT;
     }

@@ -68,8 +68,8 @@ static inline int32_t onebit_scaled_signed(int32_t value, uint16_t factor)
 }
 
 /*
- * left right in 64 bits. By halves for Cortex-M0, where the compiler calls a routine of 92 bytes for
- * 64 by 64 bits; an AVR's own way is quicker than this one by 200 cycles.
+ * left right in 64 bits. By halves for Cortex-M0, where the compiler calls a routine of 92 bytes
+ * for 64 by 64 bits; an AVR's own way is quicker than this one by 200 cycles.
  */
 static inline int64_t onebit_product_by_halves(int32_t left, int32_t right)
 {

@@ -77,7 +77,10 @@ def test_f32_is_no_slower_than_erfcf_where_floating_point_is_in_hardware(measure
 def test_flash_and_stack_on_a_cortex_m0(measured):
     for level in figures.LEVELS:
         assert 0 < measured["cortex-m0"].sizes["q31", level].stack <= 200
-    assert 2000 < measured["cortex-m0"].sizes["q31", "-Os"].flash <= 3 * 1024
+    small = measured["cortex-m0"].sizes["q31", "-Os"]
+    assert 2000 < small.flash
+    assert 0 < small.support  # at least memset, and a shift of 64 bits
+    assert small.flash + small.support <= 3 * 1024
 
 
 @pytest.mark.parametrize("preset", figures.PRESETS)
