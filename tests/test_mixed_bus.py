@@ -136,6 +136,11 @@ def test_firmware_and_host_compute_the_simulators_bits(board, tmp_path):
         f"agent {IN_FIRMWARE} steps {STEPS} checksum {checksum:08x} states {words} "
         "late 0 refused 0 aligned 0 lines_dropped 0 bytes_lost 0\n"
     )
+    # And the README's.
+    shown = (ROOT / "ports/slcan/README.md").read_text().splitlines()
+    assert {f"    {text}" for text in (output.strip(), *result.stdout.splitlines()[::5][:2])} <= {
+        *shown
+    }
 
 
 def test_a_stop_by_signal_ends_firmware_and_host_in_the_same_step(board, tmp_path):

@@ -29,7 +29,7 @@ static const char help[] =
     "line\n"
     "       onebit-node check --interface vcan0    what is missing, the command that mends it\n"
     "\n"
-    "Runs agents of a scenario, each with its plant, on a CAN interface.\n"
+    "Runs agents of a scenario, each with its plant, on a CAN interface or a serial line.\n"
     "\n"
     "  --interface NAME     the CAN interface; or slcan:PATH[@SPEED], a serial line (terminal,\n"
     "                       pty or Unix socket) that speaks slcan. There this process is the\n"
