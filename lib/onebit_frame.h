@@ -8,7 +8,9 @@
  *   link, payload          29 bit: 0x10000000 + (sender << 14) + (receiver << 1)   1    t', bit
  *   link, identifier       29 bit: the same + bit                                  0
  *   any: SYNC              11 bit: 0x080 (CANopen, CiA 301)                        0, or 1 ignored
+ *   any: stop of all       11 bit: 0x000 (CANopen, CiA 301)                        2    0x02, 0x00
  *
+ * SYNC and stop come from the master, SYNC before every step, stop after the last.
  * Data "t', bit" is one byte: the clock t modulo 128 in bits 7..1, the message bit in bit 0.
  *
  * The bit is the lowest of the identifier, so that it never decides arbitration between two agents.

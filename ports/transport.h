@@ -1,9 +1,9 @@
 /*
- * The contract between an agent's program and the bus it hangs on. A port fills in the two hooks;
+ * The contract between an agent's program and the bus it hangs on. A port fills in the hooks;
  * whoever steps the agent calls them and knows nothing of sockets, registers or interrupts.
  *
- * Neither hook ever blocks, allocates or waits. Both belong to the one thread (or interrupt level)
- * that steps the agent: a transport is not reentrant, different transports are independent.
+ * No hook ever blocks, allocates or waits. All belong to the one thread (or interrupt level) that
+ * steps the agent: a transport is not reentrant, different transports are independent.
  */
 #ifndef TRANSPORT_H
 #define TRANSPORT_H
@@ -24,10 +24,17 @@ struct transport {
     /*
      * Queues one frame for the bus. Frames leave in the order queued. After TRANSPORT_LATER the
      * caller tries again after some time of its own choosing, never at once in a loop, and
-     * withdraws the frame when its step is over: a bit is worth nothing in another step. Every
+     * gives the frame up when its step is over: a bit is worth nothing in another step. Every
      * TRANSPORT_LATER is counted by the port. *frame is not kept.
      */
     enum transport_status (*send)(void *context, const onebit_frame *frame);
+
+    /*
+     * At the end of a step: takes back the frames that were queued and are not on the wire yet, and
+     * tells how many. Null where the queue keeps what it has: such frames leave in another step,
+     * and receivers know them as stale only in payload form.
+     */
+    uint32_t (*withdraw)(void *context);
 
     /*
      * The oldest frame that waits, whatever it is: data, remote, CAN FD, or a report of the

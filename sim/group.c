@@ -56,6 +56,7 @@ bool group_build(struct group *group, const struct scenario *scenario,
     const struct topology *topology = &scenario->topology;
     uint32_t n = scenario->state_count;
     group->agent_count = topology->agent_count;
+    group->sigma = scenario->sigma;
     group->configs = calloc(topology->agent_count, sizeof *group->configs);
     group->agents = calloc(topology->agent_count, sizeof *group->agents);
     group->links = calloc(topology->link_count, sizeof *group->links);
@@ -121,4 +122,33 @@ void group_free(struct group *group)
     free(group->links);
     free(group->rows);
     *group = (struct group){0};
+}
+
+void group_write_heading(const struct group *group, uint32_t index, FILE *stream)
+{
+    const onebit_config *config = &group->configs[index];
+    fputs("step,t,u", stream);
+    for (unsigned k = 1; k <= config->state_count; ++k) {
+        fprintf(stream, ",x%u", k);
+    }
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        fprintf(stream, ",zhat_%lu", (unsigned long)config->neighbours[k]);
+    }
+    fputc('\n', stream);
+}
+
+void group_write_row(const struct group *group, uint32_t index, uint32_t step, uint32_t t, double u,
+                     const double *x, FILE *stream)
+{
+    const onebit_config *config = &group->configs[index];
+    const onebit_link *links = group->agents[index].links;
+    fprintf(stream, "%lu,%lu,%.17g", (unsigned long)step, (unsigned long)t, u);
+    for (unsigned k = 0; k < config->state_count; ++k) {
+        fprintf(stream, ",%.17g", x[k]);
+    }
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        fprintf(stream, ",%.17g",
+                group->sigma * double_from_real(links[k].estimate, NOISE_FRACTION_BITS));
+    }
+    fputc('\n', stream);
 }

@@ -10,8 +10,12 @@
 #include "onebit.h"
 #include "scenario.h"
 
+#include <stdio.h>
+
 #define group_build ONEBIT_NAME(group_build)
 #define group_free ONEBIT_NAME(group_free)
+#define group_write_heading ONEBIT_NAME(group_write_heading)
+#define group_write_row ONEBIT_NAME(group_write_row)
 
 #define NOISE_FRACTION_BITS 27 /* Q4.27, the library's noise units in q31 */
 
@@ -21,6 +25,7 @@ struct group {
     onebit_agent *agents;
     onebit_link *links; /* links of agent i begin at topology.first_link[i-1] */
     onebit_real *rows;  /* K1, then K2 / sigma */
+    double sigma;       /* paper's units of one of the library's noise units */
 };
 
 /* Builds and starts all agents of a scenario, which must outlive them. */
@@ -28,6 +33,15 @@ bool group_build(struct group *group, const struct scenario *scenario,
                  const struct formats *formats, struct problem *problem);
 
 void group_free(struct group *group);
+
+/*
+ * The CSV of what the agent at `index` (from 0) believed and commanded, in the paper's units:
+ * step,t,u,x1..xn,zhat_<j>.. of its neighbours j. The heading, and the row of a step, after its
+ * control and before the plant moves: x of n, and u at clock t.
+ */
+void group_write_heading(const struct group *group, uint32_t index, FILE *stream);
+void group_write_row(const struct group *group, uint32_t index, uint32_t step, uint32_t t, double u,
+                     const double *x, FILE *stream);
 
 /* A double as the library's number with the given fraction bits (q31), nearest and saturated. */
 static inline onebit_real real_from_double(double value, int fraction_bits)

@@ -1,8 +1,8 @@
 /* The replay of replay.h in the arithmetic that this file is compiled for. */
 #include "replay.h"
 
+#include "chain.h"
 #include "group.h"
-#include "onebit_random.h"
 #include "plant.h"
 
 #include <string.h>
@@ -15,34 +15,15 @@ struct state {
     struct group group;
     struct plant plant;
     double x[ONEBIT_STATES_MAX];
-    const double *law; /* of the next graph */
+    struct chain chain;
     const uint8_t *linked;
     uint32_t step;
 };
 
-static void print_header(const struct state *state, FILE *stream)
-{
-    const onebit_config *config = &state->group.configs[state->what->agent - 1];
-    fputs("step,t,u", stream);
-    for (unsigned k = 1; k <= config->state_count; ++k) {
-        fprintf(stream, ",x%u", k);
-    }
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        fprintf(stream, ",zhat_%lu", (unsigned long)config->neighbours[k]);
-    }
-    fputc('\n', stream);
-}
-
 static void begin_step(struct state *state)
 {
     const struct topology *topology = &state->scenario->topology;
-    uint32_t graph = 0;
-    if (topology->graph_count > 1) {
-        uint32_t t = state->group.agents[state->what->agent - 1].clock;
-        graph = topology_draw(topology, state->law,
-                              onebit_random_word(state->what->seed, state->what->run, 0, t));
-        state->law = &topology->transition[(size_t)graph * topology->graph_count];
-    }
+    uint32_t graph = chain_graph(&state->chain, state->group.agents[state->what->agent - 1].clock);
     state->linked = &topology->linked[(size_t)graph * topology->link_count];
 }
 
@@ -52,7 +33,6 @@ static void end_step(struct state *state, FILE *stream)
     uint32_t index = state->what->agent - 1;
     const onebit_config *config = &state->group.configs[index];
     onebit_agent *agent = &state->group.agents[index];
-    double sigma = state->scenario->sigma;
     uint32_t t = agent->clock;
     onebit_real measured[ONEBIT_STATES_MAX];
     for (unsigned k = 0; k < config->state_count; ++k) {
@@ -61,15 +41,7 @@ static void end_step(struct state *state, FILE *stream)
     onebit_real control = 0;
     onebit_control(config, agent, measured, &control);
     double u = double_from_real(control, state->formats->control);
-    fprintf(stream, "%lu,%lu,%.17g", (unsigned long)state->step, (unsigned long)t, u);
-    for (unsigned k = 0; k < config->state_count; ++k) {
-        fprintf(stream, ",%.17g", state->x[k]);
-    }
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        fprintf(stream, ",%.17g",
-                sigma * double_from_real(agent->links[k].estimate, NOISE_FRACTION_BITS));
-    }
-    fputc('\n', stream);
+    group_write_row(&state->group, index, state->step, t, u, state->x, stream);
     plant_step(&state->plant, state->x, u);
     ++state->step;
 }
@@ -103,8 +75,8 @@ bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *
     plant_build(&state.plant, scenario, formats);
     memcpy(state.x, &scenario->initial_states[(size_t)(what->agent - 1) * n], n * sizeof *state.x);
     plant_begin(&state.plant, state.x);
-    state.law = scenario->topology.stationary;
-    print_header(&state, stream);
+    chain_begin(&state.chain, &scenario->topology, what->seed, what->run, scenario->t0 + 1u);
+    group_write_heading(&state.group, what->agent - 1, stream);
 
     onebit_frame frame;
     int status;

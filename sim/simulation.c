@@ -1,6 +1,7 @@
 /* The run of simulation.h in the arithmetic that this file is compiled for. */
 #include "simulation.h"
 
+#include "chain.h"
 #include "group.h"
 #include "onebit_random.h"
 #include "plant.h"
@@ -19,7 +20,7 @@ struct state {
     double *x;             /* agent_count x n, the plants' states */
     onebit_real *measured; /* the same as the agents see them */
     double *average;       /* n: (A + B K1)^k xbar(0) */
-    const double *law;     /* of the next graph: stationary at first, then a transition row */
+    struct chain chain;
     uint32_t encoded_agents;
     uint32_t seed;
     uint32_t run;
@@ -67,7 +68,7 @@ static bool begin(struct state *state, const struct run *run, struct problem *pr
         }
         measure(state, i);
     }
-    state->law = topology->stationary;
+    chain_begin(&state->chain, topology, run->seed, run->number, scenario->t0 + 1u);
     state->encoded_agents = onebit_frame_agent_limit(&scenario->format);
     state->seed = run->seed;
     state->run = run->number;
@@ -241,12 +242,7 @@ static void step(struct state *state, uint32_t completed)
 {
     const struct topology *topology = state->topology;
     uint32_t t = state->scenario->t0 + 1u + completed;
-    uint32_t graph = 0;
-    if (topology->graph_count > 1) {
-        graph =
-            topology_draw(topology, state->law, onebit_random_word(state->seed, state->run, 0, t));
-        state->law = &topology->transition[(size_t)graph * topology->graph_count];
-    }
+    uint32_t graph = chain_graph(&state->chain, t);
     const uint8_t *linked = &topology->linked[(size_t)graph * topology->link_count];
     bus_begin_step(state->bus);
     send_all(state, linked, t);

@@ -87,7 +87,8 @@ def test_decodes_a_run(tmp_path, name, mode):
                 assert message.name == f"message_{sender}"
             assert message.senders == [f"agent_{sender}"]
     assert t == content["gains"]["t0"] + STEPS
-    assert heard == {message.name for message in known.messages}  # none that nobody sends
+    # None that nobody sends; the simulator's runs end without a stop.
+    assert heard | {"stop"} == {message.name for message in known.messages}
     assert 0 < counts["ones"] < counts["frames"]
 
 
@@ -96,8 +97,13 @@ def test_says_who_and_how_often(mode):
     known = database(scenario("aircraft-fixed", mode))
     assert known.version == "aircraft-fixed"
     assert [node.name for node in known.nodes] == ["master"] + [f"agent_{k}" for k in range(1, 8)]
-    assert len(known.messages) == 1 + (20 if mode == "link" else 7)
+    assert len(known.messages) == 2 + (20 if mode == "link" else 7)
+    stop = known.get_message_by_name("stop")
+    assert (stop.frame_id, stop.length, stop.senders) == (0x000, 2, ["master"])
+    assert known.decode_message(0x000, b"\x02\x00") == {"command": 2, "node": 0}
     for message in known.messages:
+        if message is stop:
+            continue
         assert message.cycle_time == 500
         assert "500 ms" in message.comment
         assert all(signal.comment for signal in message.signals)
@@ -143,6 +149,9 @@ def test_nothing_to_describe_in_identifier_form():
 def test_cycle_time_only_where_it_is_exact(period, cycle):
     known = database(scenario("two-agents", "link", period=period))
     for message in known.messages:
+        if message.name == "stop":
+            assert message.cycle_time is None
+            continue
         assert message.cycle_time == cycle
         assert f"every {1000 * period:.10g} ms" in message.comment
 
@@ -156,5 +165,5 @@ def test_agents_beyond_the_identifiers():
     content = scenario("two-agents", "broadcast")
     content["bus"]["base"] = 0x7EE  # room for one
     known = database(content)
-    assert [message.name for message in known.messages] == ["SYNC", "message_1"]
+    assert [message.name for message in known.messages] == ["SYNC", "stop", "message_1"]
     assert known.get_message_by_name("message_1").receivers == set()

@@ -2,14 +2,13 @@
 
 import hashlib
 import itertools
-import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import need, run
 
 ROOT = Path(__file__).resolve().parent.parent
 LIB = ROOT / "lib"
@@ -31,22 +30,6 @@ LEVELS = ("-O0", "-O2", "-Os")
 VERBS = {"check", "start", "encode", "receive", "receive_message", "control", "advance"}
 # GCC and clang may call these from any code, freestanding or not.
 COMPILER_SUPPORT = {"memcpy", "memmove", "memset", "memcmp"}
-
-
-def need(program):
-    """Clang is a test's dependency, not the library's: without it, skip, but not in CI."""
-    if shutil.which(program):
-        return program
-    message = f"{program} is not installed"
-    if "CI" in os.environ:
-        pytest.fail(message)
-    pytest.skip(message)
-
-
-def run(*command):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(done.args)}\n{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 def compile_library(folder, compiler, arithmetic, level):

@@ -142,12 +142,6 @@ static bool hear(struct machine *machine, const onebit_frame *frame)
     return false;
 }
 
-static double estimate(const struct machine *machine, unsigned k)
-{
-    return machine->scenario->sigma *
-           double_from_real(machine->agent->links[k].estimate, NOISE_FRACTION_BITS);
-}
-
 /* Before the step ends and forgets what was heard. */
 static void note_disagreement(struct machine *machine)
 {
@@ -159,8 +153,10 @@ static void note_disagreement(struct machine *machine)
     unsigned count = 0;
     for (unsigned k = 0; k < machine->config->neighbour_count; ++k) {
         if (machine->agent->heard >> k & 1u) {
-            double difference = estimate(machine, k) - z;
-            sum += difference * difference;
+            double estimate =
+                machine->group.sigma *
+                double_from_real(machine->agent->links[k].estimate, NOISE_FRACTION_BITS);
+            sum += (estimate - z) * (estimate - z);
             ++count;
         }
     }
@@ -171,26 +167,7 @@ static void note_disagreement(struct machine *machine)
 
 static void write_header(const struct machine *machine, FILE *csv)
 {
-    fputs("step,t,u", csv);
-    for (unsigned k = 1; k <= machine->config->state_count; ++k) {
-        fprintf(csv, ",x%u", k);
-    }
-    for (unsigned k = 0; k < machine->config->neighbour_count; ++k) {
-        fprintf(csv, ",zhat_%lu", (unsigned long)machine->config->neighbours[k]);
-    }
-    fputc('\n', csv);
-}
-
-static void write_row(const struct machine *machine, uint32_t t, double u, FILE *csv)
-{
-    fprintf(csv, "%lu,%lu,%.17g", (unsigned long)machine->report.steps, (unsigned long)t, u);
-    for (unsigned k = 0; k < machine->config->state_count; ++k) {
-        fprintf(csv, ",%.17g", machine->x[k]);
-    }
-    for (unsigned k = 0; k < machine->config->neighbour_count; ++k) {
-        fprintf(csv, ",%.17g", estimate(machine, k));
-    }
-    fputc('\n', csv);
+    group_write_heading(&machine->group, machine->choice.agent - 1, csv);
 }
 
 static void end(struct machine *machine, FILE *csv)
@@ -205,7 +182,8 @@ static void end(struct machine *machine, FILE *csv)
     }
     double u = double_from_real(control, machine->formats.control);
     if (csv != NULL) {
-        write_row(machine, t, u, csv);
+        group_write_row(&machine->group, machine->choice.agent - 1, machine->report.steps, t, u,
+                        machine->x, csv);
     }
     plant_step(&machine->plant, machine->x, u);
     measure(machine);

@@ -13,6 +13,11 @@ import pytest
 import yaml
 from bus import INTERFACE, Dump, all_listeners, program, start, wait_until
 from simulator import ROOT, SCENARIOS, run, summary
+from test_bus_cost import system_of
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+from onebit_design.dbc import dbc_text
 
 STEPS = 40
 NAMES = ["aircraft-fixed", "aircraft-fixed-broadcast"]
@@ -97,13 +102,9 @@ def test_python_can_reads_the_interface(recorded):
 @pytest.mark.parametrize("encoding", ["payload"], indirect=True)
 def test_cantools_decodes_what_candump_prints(recorded):
     """Each message by its name in the DBC, with the bit and the step that its byte holds."""
-    sys.path.insert(0, str(ROOT / "tools"))
-    dbc = pytest.importorskip("onebit_design.dbc", reason="tools/onebit_design is not here")
-    from test_bus_cost import system_of
-
     log, _, content = recorded
     database = log.with_name("onebit.dbc")
-    database.write_text(dbc.dbc_text(system_of(content)))
+    database.write_text(dbc_text(system_of(content)))
     wanted = frames(log)
     before = all_listeners()
     dump = start(program("candump"), "-n", len(wanted), INTERFACE, stdout=subprocess.PIPE)

@@ -5,6 +5,7 @@ import cantools.database
 from onebit_design.bus_cost import LINK_AGENT_LAST, STEP_MODULUS, SYNC_IDENTIFIER, messages
 
 MASTER = "master"
+MANAGEMENT_IDENTIFIER = 0x000  # CANopen's network management
 # GenMsgCycleTime counts whole milliseconds in 16 bits.
 CYCLE_TIME_LAST = 0xFFFF
 
@@ -48,6 +49,24 @@ def signals(receivers):
     ]
 
 
+def management_signals(receivers):
+    return [
+        cantools.database.can.Signal(
+            name,
+            start=start,
+            length=8,
+            minimum=0,
+            maximum=255,
+            comment=comment,
+            receivers=receivers,
+        )
+        for name, start, comment in [
+            ("command", 0, "2: stop. Others are not this project's."),
+            ("node", 8, "The agent that it is for; 0: all."),
+        ]
+    ]
+
+
 def dbc_text(system):
     """The DBC file of a system's bus, always the same bytes for the same system.
 
@@ -78,7 +97,15 @@ def dbc_text(system):
             senders=[MASTER],
             cycle_time=cycle,
             comment=f"Begins a step, {every}. CANopen's SYNC (CiA 301); a data byte is ignored.",
-        )
+        ),
+        cantools.database.can.Message(
+            MANAGEMENT_IDENTIFIER,
+            "stop",
+            length=2,
+            signals=management_signals(names),
+            senders=[MASTER],
+            comment="Ends the run. CANopen's network management (CiA 301).",
+        ),
     ]
     for sender, receiver, identifier in rows:
         if receiver:

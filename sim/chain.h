@@ -1,8 +1,8 @@
 /*
- * The graph of a step, drawn from the topology's Markov chain with the same words as in the
- * simulator. The graph at clock t follows from all draws since t0 + 1, so it is the same in every
- * process whose clock is t, and a clock that jumps takes the draws between along. The last 128
- * graphs are kept, for a clock that moves back to the group's.
+ * The graph of a step, drawn from the topology's Markov chain with the words of link 0. The graph
+ * at clock t follows from all draws since t0 + 1, so it is the same in a run, its replay and every
+ * node whose clock is t, and a clock that jumps takes the draws between along. The last 128 graphs
+ * are kept, for a clock that moves back to the group's.
  */
 #ifndef CHAIN_H
 #define CHAIN_H

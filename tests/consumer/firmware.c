@@ -1,0 +1,83 @@
+/*
+ * A program of somebody else's that takes the library, for tests/test_consumers.py: one agent hears
+ * two neighbours for fifty steps and prints the arithmetic and what it believes and commands. C99
+ * and C++11; touches standard output.
+ */
+#include "onebit.h"
+#include "onebit_random.h"
+
+#include <stdio.h>
+
+#define STEPS 50
+
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+#define NUMBER(value, bits) ONEBIT_FIXED(value, bits)
+#define VALUE(number, bits) ((double)(number) / (double)((uint64_t)1 << (bits)))
+#define COEFFICIENT(value)                                                                         \
+    {                                                                                              \
+        value, 0                                                                                   \
+    }
+#else
+#define NUMBER(value, bits) ((onebit_real)(value))
+#define VALUE(number, bits) ((double)(number))
+#define COEFFICIENT(value) value
+#endif
+
+int main(void)
+{
+    static const uint32_t neighbours[] = {2, 3};
+    static const onebit_real stabilizing[] = {NUMBER(-0.5, 30)};
+    static const onebit_real compression[] = {NUMBER(1.0, 30)};
+    static const onebit_coefficient estimator_gain = COEFFICIENT(5);
+    static const onebit_coefficient control_gain = COEFFICIENT(2);
+    static onebit_config config;
+    onebit_agent agent;
+    onebit_link links[2];
+    onebit_real x = NUMBER(0.25, 26);
+    onebit_real u = 0;
+
+    config.agent = 1;
+    config.neighbours = neighbours;
+    config.neighbour_count = 2;
+    config.state_count = 1;
+    config.format.base = ONEBIT_PAYLOAD_BASE;
+    config.stabilizing = stabilizing;
+    config.compression = compression;
+    config.threshold = NUMBER(-0.5, 27);
+    config.bound = NUMBER(2.0, 27);
+    config.estimator_gain = estimator_gain;
+    config.control_gain = control_gain;
+    config.start = 10;
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+    config.fraction_bits.stabilizing = 30;
+    config.fraction_bits.compression = 30;
+    config.fraction_bits.state = 26;
+    config.fraction_bits.control = 26;
+#endif
+    if (onebit_start(&config, &agent, links, NULL) != ONEBIT_OK) {
+        return 1;
+    }
+    printf("%d %d\n", ONEBIT_ARITHMETIC, (int)sizeof(onebit_real));
+    /* Threefry's third known answer, first word c4923a9c (Random123). */
+    printf("%lx\n",
+           (unsigned long)onebit_random_word(0x13198a2e, 0x03707344, 0x243f6a88, 0x85a308d3));
+    for (int step = 0; step < STEPS; ++step) {
+        for (uint32_t sender = 2; sender <= 3; ++sender) {
+            static onebit_message message;
+            onebit_frame frame;
+            message.sender = sender;
+            message.step = (uint8_t)(agent.clock % ONEBIT_STEP_MODULUS);
+            message.bit = (7 * agent.clock + 3 * sender) % 5 < 2;
+            if (onebit_frame_encode(&config.format, &message, &frame) != ONEBIT_OK ||
+                onebit_receive(&config, &agent, &frame) != ONEBIT_OK) {
+                return 1;
+            }
+        }
+        if (onebit_control(&config, &agent, &x, &u) != ONEBIT_OK) {
+            return 1;
+        }
+        printf("%.15f %.15f %.15f\n", VALUE(links[0].estimate, 27), VALUE(links[1].estimate, 27),
+               VALUE(u, 26));
+    }
+    return 0;
+}

@@ -1,0 +1,190 @@
+"""The firmware of ports/can-controller/ as an integrator builds it.
+
+It compiles for Cortex-M without a warning and does on a Cortex-M0, a Cortex-M4F and the host what
+onebit-sim did; its queue is interrupted at every instruction, and shared by two threads.
+"""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from programs import need, run
+from simulator import BUILD, ROOT, call, rows
+from simulator import run as simulate
+
+SOURCES = [*sorted((ROOT / "ports/can-controller").glob("*.c")), ROOT / "ports/step_loop.c"]
+TESTS = ROOT / "tests/can_controller"
+STEPS = 300
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion"]
+STRICT += ["-Wdouble-promotion", "-Wcast-align", "-Wshadow", "-Werror"]
+INCLUDE = [f"-I{ROOT / folder}" for folder in ("lib", "ports", "ports/can-controller")]
+
+# picolibc's start-up with text and exit status by semihosting; where memory lies on the board.
+PICOLIBC = ["-specs=picolibc.specs", "--crt0=hosted", "--oslib=semihost"]
+
+
+def memory(flash, ram):
+    places = {"flash": 0, "flash_size": flash, "ram": 0x20000000, "ram_size": ram}
+    return [f"-Wl,--defsym=__{name}={value}" for name, value in places.items()]
+
+
+M4F = ["-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-mthumb"]
+TARGETS = {
+    "cortex-m0": (
+        ["arm-none-eabi-gcc", "-mcpu=cortex-m0", "-mthumb", *PICOLIBC, *memory(0x40000, 0x4000)],
+        "microbit",
+    ),
+    "cortex-m4f": (
+        ["arm-none-eabi-gcc", *M4F, *PICOLIBC, *memory(0x400000, 0x400000)],
+        "mps2-an386",
+    ),
+    "host": (["gcc", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"], None),
+}
+
+
+def compiler(target):
+    command, board = TARGETS[target]
+    if board is not None:
+        need("arm-none-eabi-gcc", "gcc-arm-none-eabi")
+        if not Path("/usr/lib/picolibc/arm-none-eabi").is_dir():
+            need("picolibc", "picolibc-arm-none-eabi")
+    return [*command, *STRICT, *INCLUDE]
+
+
+def execute(target, image):
+    board = TARGETS[target][1]
+    if board is None:
+        return run(image, timeout=60)
+    # Each instruction takes 1.024 us, so that runs are the same every time.
+    emulator = [need("qemu-system-arm"), "-M", board, "-icount", "shift=10", "-display", "none"]
+    emulator += ["-serial", "none", "-monitor", "none", "-chardev", "stdio,id=console"]
+    emulator += ["-semihosting-config", "enable=on,target=native,chardev=console", "-kernel"]
+    return run(*emulator, image, timeout=60)
+
+
+@pytest.fixture(scope="module", params=["payload", "identifier"])
+def system(request, tmp_path_factory):
+    """Six pumps with integer plants: what onebit-design writes for firmware, and a run's log."""
+    folder = tmp_path_factory.mktemp(request.param)
+    examples = ROOT / "tools/onebit_design/examples"
+    shutil.copy(examples / "pumps.edges", folder)
+    content = yaml.safe_load((examples / "pumps.yaml").read_text())
+    content["plant"]["arithmetic"] = "q31"
+    content["bus"] |= {"model": "ideal", "encoding": request.param}
+    (folder / "pumps.yaml").write_text(yaml.safe_dump(content))
+    design = [BUILD / "bin/onebit-design", folder / "pumps.yaml", "--out", folder]
+    run(*design, "--runs", "0")
+    log = folder / "bus.log"
+    simulate(folder / "scenario.yaml", arith="q31", steps=STEPS, seed=1, log=log)
+    return folder
+
+
+def constant(system, name):
+    text = (system / "onebit_config.h").read_text()
+    return int(re.search(rf"#define {name} (\d+)", text)[1])
+
+
+def write_log(system, agent, folder):
+    """bus_log.h: of each step the own frame and the others', as they stand in the log."""
+    step_frames = []
+    for line in (system / "bus.log").read_text().splitlines():
+        identifier, _, data = line.split()[2].partition("#")
+        if identifier == "080":
+            step_frames.append([])
+        else:
+            text = f"{{0x{identifier}u, {len(data) // 2}u, 0x{data or 0}u}}"
+            step_frames[-1].append((int(identifier, 16), text))
+    assert len(step_frames) == STEPS
+    # 0x100 + agent, or 0x400 + 2 agent + bit: every agent, every step, in their order.
+    others = constant(system, "ONEBIT_CONFIG_AGENTS") - 1
+    lines = []
+    for frames in step_frames:
+        numbers = [i - 0x100 if i < 0x400 else (i - 0x400) // 2 for i, _ in frames]
+        assert numbers == list(range(1, others + 2))
+        own = frames[agent - 1][1]
+        rest = [text for i, (_, text) in enumerate(frames) if i != agent - 1]
+        lines.append(f"    {{{own}, {{{', '.join(rest)}}}}},")
+    initial = yaml.safe_load((system / "scenario.yaml").read_text())["initial"]["states"]
+    state = round(initial[agent - 1][0] * 2 ** constant(system, STATE_BITS))
+    (folder / "bus_log.h").write_text(f"""
+#include <stdint.h>
+#define BUS_LOG_AGENT {agent}u
+#define BUS_LOG_STATE {state}
+#define BUS_LOG_STEPS {STEPS}u
+#define BUS_LOG_OTHERS {others}u
+struct logged {{
+    uint16_t identifier;
+    uint8_t length;
+    uint8_t data;
+}};
+static const struct logged_step {{
+    struct logged own;
+    struct logged others[BUS_LOG_OTHERS];
+}} bus_log[BUS_LOG_STEPS] = {{
+{chr(10).join(lines)}
+}};
+""")
+
+
+STATE_BITS = "ONEBIT_CONFIG_STATE_FRACTION_BITS"
+CONTROL_BITS = "ONEBIT_CONFIG_CONTROL_FRACTION_BITS"
+
+
+def simulated(system, agent, folder):
+    """State and input of each step as integers, from the simulator's replay of the log."""
+    scenario = system / "scenario.yaml"
+    done = call("replay", scenario, system / "bus.log", "--agent", agent, "--arith", "q31")
+    assert done.returncode == 0, done.stderr
+    (folder / "replay.csv").write_text(done.stdout)
+    scale_x = 2 ** constant(system, STATE_BITS)
+    scale_u = 2 ** constant(system, CONTROL_BITS)
+    return [
+        [float(row["x1"]) * scale_x, float(row["u"]) * scale_u]
+        for row in rows(folder / "replay.csv")
+    ]
+
+
+@pytest.mark.parametrize("agent", [1, 3])
+@pytest.mark.parametrize("target", list(TARGETS))
+def test_firmware_does_what_the_simulator_did(system, target, agent, tmp_path):
+    write_log(system, agent, tmp_path)
+    sources = [*SOURCES, ROOT / "ports/alignment.c", *(ROOT / "lib").glob("*.c")]
+    command = [*compiler(target), "-Os", f"-I{system}", f"-I{tmp_path}", *sources]
+    run(*command, TESTS / "board.c", "-o", tmp_path / "firmware")
+    *steps, last = execute(target, tmp_path / "firmware").splitlines()
+    assert last == "own frames wrong 0, overruns 0"
+    got = [[int(word) for word in line.split()] for line in steps]
+    assert got == simulated(system, agent, tmp_path)
+    assert len({u for _, u in got}) > STEPS / 2  # not a row of zeros
+
+
+@pytest.mark.parametrize("arithmetic", ["Q31", "F32"])
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
+@pytest.mark.parametrize("target", ["cortex-m0", "cortex-m4f"])
+def test_compiles_without_a_warning(system, target, level, arithmetic, tmp_path):
+    for source in SOURCES:
+        options = [level, f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic}", f"-I{system}"]
+        run(*compiler(target), *options, "-c", source, "-o", tmp_path / "object.o")
+
+
+@pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
+def test_queue_with_an_interrupt_at_every_instruction(level, tmp_path):
+    image = tmp_path / "points"
+    run(*compiler("cortex-m0"), level, TESTS / "interrupt_points.c", "-o", image)
+    *seen, last = execute("cortex-m0", image).split("\n")[:-1]
+    assert re.fullmatch(r"runs \d{3,}, wrong 0", last)
+    # The interrupt came before every instruction of the reader; a nop may be there to align.
+    text = run("arm-none-eabi-objdump", "-d", "-j", "reader", image)
+    code = re.findall(r"^ +([0-9a-f]+):\t[0-9a-f ]+\t(\S+)", text, re.M)
+    instructions = {address for address, name in code if name not in (".word", "nop")}
+    assert len(instructions) > 20
+    assert not instructions - set(seen)
+
+
+def test_queue_between_threads(tmp_path):
+    program = tmp_path / "threads"
+    command = ["gcc", *STRICT, *INCLUDE, "-O2", "-g", "-fsanitize=thread", "-pthread"]
+    run(*command, TESTS / "queue_threads.c", "-o", program)
+    assert run(program, timeout=60) == "frames 100000, wrong 0\n"
