@@ -8,6 +8,7 @@
 #define ONEBIT_FIXED_H
 
 #include "onebit_cdf.h"
+#include "onebit_processor.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -31,12 +32,12 @@ typedef int64_t onebit_sum;
 typedef uint32_t onebit_probability; /* Q0.31 */
 
 /*
- * One neighbour's estimate in Q4.27, and in `carry` the 31 bits that follow it: together Q4.58.
+ * One neighbour's estimate in Q4.27, and in `carry` the 32 bits that follow it: together Q4.59.
  * Without them a step that shrinks as 1/t meets rounding that does not, and the estimate drifts.
  */
 typedef struct onebit_link {
     int32_t estimate;
-    uint32_t carry; /* below 2^31 */
+    uint32_t carry;
 } onebit_link;
 
 static inline onebit_probability onebit_distribution(onebit_real u)
@@ -44,11 +45,13 @@ static inline onebit_probability onebit_distribution(onebit_real u)
     return onebit_cdf(u);
 }
 
-/* F(u) - bit in Q0.31; 1 <= F <= 2^31 - 1 keeps it within +-(2^31 - 1). */
+/*
+ * F(u) - bit in Q0.31; 1 <= F <= 2^31 - 1 keeps it within +-(2^31 - 1). |u| <= 4, which
+ * |threshold| + bound <= 4 and the projection see to: the table needs no guard.
+ */
 static inline int32_t onebit_innovation(onebit_real u, bool bit)
 {
-    int32_t probability = (int32_t)onebit_distribution(u);
-    return bit ? probability - INT32_MAX - 1 : probability;
+    return (int32_t)onebit_cdf_minus(u, bit);
 }
 
 static inline bool onebit_finite(onebit_real value)
@@ -59,44 +62,30 @@ static inline bool onebit_finite(onebit_real value)
 
 static inline int32_t onebit_saturate(int64_t value)
 {
-    if (value > INT32_MAX) {
-        return INT32_MAX;
-    }
-    return value < INT32_MIN ? INT32_MIN : (int32_t)value;
+    int32_t lower = (int32_t)value;
+    return lower == value ? lower : (int32_t)(value >> 63) ^ INT32_MAX; /* either end */
 }
 
 /* value * 2^-shift to the nearest, saturated; |value| <= 2^62, any shift. */
 static inline int32_t onebit_rescale(int64_t value, int shift)
 {
     if (shift > 0) {
-        /* Rounding adds at most 2^61. */
-        return shift > 62 ? 0 : onebit_saturate((value + ((int64_t)1 << (shift - 1))) >> shift);
+        /* One place is left to round by; from 64 on it is 0 or -1, and the result 0. */
+        value >>= shift > 64 ? 63 : shift - 1;
+        return onebit_saturate((value + 1) >> 1);
     }
-    if (shift < -31) {
-        shift = -31; /* any other number than 0 saturates from here on */
+    /* Any other number than 0 saturates from 31 on. */
+    int places = shift < -31 ? 31 : -shift;
+    int32_t result = onebit_saturate(value);
+    if (result > INT32_MAX >> places || result < INT32_MIN >> places) {
+        return (result >> 31) ^ INT32_MAX;
     }
-    /* Saturated before it is scaled: the product then stays within 2^62. */
-    return onebit_saturate((int64_t)onebit_saturate(value) * ((int64_t)1 << -shift));
+    return (int32_t)((uint32_t)result << places);
 }
 
 static inline int32_t onebit_difference(onebit_real minuend, onebit_real subtrahend)
 {
     return onebit_saturate((int64_t)minuend - subtrahend);
-}
-
-/* Places that bring the highest set bit of a non-zero word to bit 31. */
-static inline unsigned onebit_leading_zeros(uint32_t word)
-{
-#if defined(__GNUC__) && __SIZEOF_INT__ == 4
-    return (unsigned)__builtin_clz(word);
-#else
-    unsigned places = 0;
-    while (word < 0x80000000u) {
-        word <<= 1;
-        ++places;
-    }
-    return places;
-#endif
 }
 
 /* In (0, limit]; a limit of 0 is none. */
@@ -109,48 +98,22 @@ static inline bool onebit_coefficient_valid(onebit_coefficient coefficient, uint
     if (limit == 0) {
         return true;
     }
-    return bits < 0 ? ((uint64_t)coefficient.value << -bits) <= limit
-                    : (bits > 31 || coefficient.value <= ((uint64_t)limit << bits));
+    return bits < 0 ? coefficient.value <= limit >> -bits
+                    : bits > 31 || (coefficient.value - 1u) >> bits < limit;
 }
 
 /* A row is valid when its entries' magnitudes add to less than 2^31: see onebit_dot. */
 static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
 {
-    int64_t sum = 0;
+    uint32_t room = INT32_MAX;
     for (unsigned k = 0; k < count; ++k) {
-        sum += row[k] < 0 ? -(int64_t)row[k] : row[k];
-    }
-    return sum <= INT32_MAX;
-}
-
-/*
- * floor(2^16 dividend / divisor), dividend < divisor. Long division by shifting: 16 rounds, and no
- * division routine, which 8-bit and small 32-bit processors would have to link.
- */
-static inline uint32_t onebit_quotient_by_shifting(uint32_t dividend, uint32_t divisor)
-{
-    uint32_t quotient = 0;
-    for (unsigned round = 0; round < 16; ++round) {
-        bool wraps =
-            (dividend >> 31) != 0; /* then 2 dividend - divisor < divisor undoes the wrap */
-        dividend <<= 1;
-        quotient <<= 1;
-        if (wraps || dividend >= divisor) {
-            dividend -= divisor;
-            quotient |= 1u;
+        uint32_t magnitude = row[k] < 0 ? 0u - (uint32_t)row[k] : (uint32_t)row[k];
+        if (magnitude > room) {
+            return false;
         }
+        room -= magnitude;
     }
-    return quotient;
-}
-
-/* The same number by the divider that 64-bit processors have (5 times faster in onebit-bench). */
-static inline uint32_t onebit_quotient(uint32_t dividend, uint32_t divisor)
-{
-#if UINTPTR_MAX > 0xFFFFFFFFu
-    return (uint32_t)(((uint64_t)dividend << 16) / divisor);
-#else
-    return onebit_quotient_by_shifting(dividend, divisor);
-#endif
+    return true;
 }
 
 /* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
@@ -181,35 +144,36 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
 
 /*
  * estimate += gain * innovation, short of the exact sum by less than 2^-30 of the gain or, where
- * that is more, 2^-58. |estimate| <= 2^29 (the bound with the threshold is at most 4). A step
+ * that is more, 2^-59. |estimate| <= 2^29 (the bound with the threshold is at most 4). A step
  * beyond 8 units of noise saturates there: twice the largest bound, so that the projection still
  * finds it outside or 2^-27 beside it.
  */
 static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_t innovation)
 {
-    /* innovation * mantissa / 2^16 by halves: |upper| <= 2^15, so each product fits 32 bits. */
-    int32_t product = (innovation >> 16) * (int32_t)gain.mantissa +
-                      (int32_t)((((uint32_t)innovation & 0xFFFFu) * gain.mantissa) >> 16);
+    uint32_t fraction;
+    int32_t product = onebit_scaled_signed(innovation, gain.mantissa);
 
-    /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^shift. */
-    int shift = gain.exponent - 12;
-    if (shift < 1) {
-        /* Gains up to 2^16 (onebit_check) have exponents from -1, so 1 - shift is at most 14. */
-        int32_t limit = INT32_MAX >> (1 - shift);
-        if (product > limit || product < -limit) {
-            product = product < 0 ? -INT32_MAX : INT32_MAX;
+    /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^(places + 1). */
+    int places = gain.exponent - 13;
+    if ((unsigned)places > 31u) { /* one comparison for both ends, which are rare */
+        if (places < 0) {
+            /* Gains up to 2^16 (onebit_check) have exponents from -1, so -places is at most 14. */
+            int32_t limit = INT32_MAX >> -places;
+            if (product > limit || product < -limit) {
+                product = product < 0 ? -INT32_MAX : INT32_MAX;
+            } else {
+                product *= (int32_t)1 << -places;
+            }
+            places = 0;
         } else {
-            product *= (int32_t)1 << (1 - shift);
+            product = onebit_shifted(product, places > 62 ? 31 : (unsigned)places - 32u, &fraction);
+            places = 31;
         }
-        shift = 1;
-    } else if (shift > 31) {
-        product >>= shift > 62 ? 31 : shift - 31;
-        shift = 31;
     }
-    /* carry and fraction are below 2^31 each; |product >> 1| <= 2^30 added to 2^29 fits. */
-    uint32_t carry = link->carry + (((uint32_t)product << (31 - shift)) & 0x7FFFFFFFu);
-    link->estimate += (product >> shift) + (int32_t)(carry >> 31);
-    link->carry = carry & 0x7FFFFFFFu;
+    /* |step| <= 2^30 added to 2^29 fits, and so does the carry. */
+    int32_t step = onebit_shifted(product, (unsigned)places, &fraction);
+    link->carry += fraction;
+    link->estimate += step + (link->carry < fraction);
 }
 
 /*

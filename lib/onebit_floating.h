@@ -60,11 +60,12 @@ static inline onebit_probability onebit_distribution(onebit_real u)
     return onebit_cdf((int32_t)(u * 134217728.0f));
 }
 
+/* |u| <= 4, which |threshold| + bound <= 4 and the projection see to: the table needs no guard. */
 static inline onebit_real onebit_innovation(onebit_real u, bool bit)
 {
     /* Subtracted as integers: near F = 1 a float has no digits left for F - 1. */
-    int32_t probability = (int32_t)onebit_distribution(u);
-    return (onebit_real)(bit ? probability - INT32_MAX - 1 : probability) / 2147483648.0f;
+    int32_t innovation = (int32_t)onebit_cdf_minus((int32_t)(u * 134217728.0f), bit);
+    return (onebit_real)innovation / 2147483648.0f;
 }
 
 #endif

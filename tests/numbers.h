@@ -70,9 +70,9 @@ static inline double normal_density(double u)
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 #define DISTRIBUTION_ERROR 0x1p-51
 #elif ONEBIT_ARITHMETIC == ONEBIT_F32
-#define DISTRIBUTION_ERROR (4.5e-7 + 0x1p-26 + 0x1p-28)
+#define DISTRIBUTION_ERROR (4.1e-7 + 0x1p-26 + 0x1p-28)
 #else
-#define DISTRIBUTION_ERROR 4.5e-7
+#define DISTRIBUTION_ERROR 4.1e-7
 #endif
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
@@ -121,10 +121,10 @@ static inline double gain_value(onebit_gain gain)
     return ldexp((double)gain.mantissa, -gain.exponent);
 }
 
-/* With the carry: 2^-58 is exact in a double below 2^-5, and to 2^-51 up to 4. */
+/* With the carry: 2^-59 is exact in a double below 2^-6, and to 2^-51 up to 4. */
 static inline double link_value(const onebit_link *link)
 {
-    return ldexp((double)link->estimate, -27) + ldexp((double)link->carry, -58);
+    return ldexp((double)link->estimate, -27) + ldexp((double)link->carry, -59);
 }
 
 #else

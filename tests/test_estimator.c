@@ -207,7 +207,7 @@ static void test_distribution(void)
         /* One rounding of f32 on top, 2^-25 of a number up to 1. */
         double rounding = ONEBIT_ARITHMETIC == ONEBIT_F32 ? 0x1p-25 : 0;
         double scale = ONEBIT_ARITHMETIC == ONEBIT_Q31 ? 0x1p-31 : 1;
-        for (int bit = 0; bit <= 1; ++bit) {
+        for (int bit = 0; bit <= 1 && fabs(u) <= 4; ++bit) { /* as far as the estimator asks */
             double innovation = scale * (double)onebit_innovation(number(u), bit != 0);
             REQUIRE(fabs(innovation - (exact - bit)) <= DISTRIBUTION_ERROR + rounding, "F(%g) - %d",
                     u, bit);

@@ -376,30 +376,80 @@ static void test_quotient_by_shifting(void)
     }
 }
 
+/* Both ways of processors without the upper half of a product, against 128 bits. */
+static void check_scaled(uint32_t value, uint16_t factor)
+{
+    uint32_t exact = (uint32_t)(((wide)value * factor) >> 16);
+    int32_t exact_signed = (int32_t)(((wide)(int32_t)value * factor) >> 16);
+    REQUIRE(onebit_scaled(value, factor) == exact &&
+                onebit_scaled_by_halves(value, factor) == exact &&
+                onebit_scaled_signed((int32_t)value, factor) == exact_signed &&
+                onebit_scaled_signed_by_halves((int32_t)value, factor) == exact_signed,
+            "%lu times %u / 2^16", (unsigned long)value, factor);
+}
+
+static void test_scaled(void)
+{
+    static const uint16_t factors[] = {0, 1, 2, 255, 256, 0x7FFF, 0x8000, 0x8001, 0xFFFE, 0xFFFF};
+    uint64_t seed = 18;
+    for (unsigned f = 0; f < sizeof factors / sizeof *factors; ++f) {
+        for (unsigned k = 0; k < EDGES_32; ++k) {
+            check_scaled((uint32_t)edges_32[k], factors[f]);
+        }
+    }
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        check_scaled(random_word(&seed), (uint16_t)random_word(&seed));
+    }
+}
+
+/* The way of processors that shift one place at a time, too. */
+static void check_shifted(int32_t value, unsigned places)
+{
+    wide exact = (wide)value * power(32) >> (places + 1); /* with 32 bits of fraction */
+    uint32_t fraction;
+    uint32_t fraction_by_steps;
+    wide result = onebit_shifted(value, places, &fraction) * power(32);
+    wide by_steps = onebit_shifted_by_steps(value, places, &fraction_by_steps) * power(32);
+    REQUIRE(result + fraction == exact && by_steps + fraction_by_steps == exact, "%ld / 2^(%u + 1)",
+            (long)value, places);
+}
+
+static void test_shifted(void)
+{
+    uint64_t seed = 19;
+    for (unsigned places = 0; places < 32; ++places) {
+        for (unsigned k = 0; k < EDGES_32; ++k) {
+            check_shifted(edges_32[k], places);
+        }
+        for (unsigned trial = 0; trial < 100000; ++trial) {
+            check_shifted((int32_t)random_word(&seed), places);
+        }
+    }
+}
+
 /* What one step of the estimator may do with the bits of an extreme configuration. */
 static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain, int32_t innovation)
 {
     onebit_link link = {estimate, carry};
     onebit_accumulate(&link, gain, innovation);
-    REQUIRE(link.carry < 0x80000000u, "carry %08lx", (unsigned long)link.carry);
 
-    /* In units of 2^-58, times 2^down so that the exact step is whole. */
-    wide before = (wide)estimate * power(31) + carry;
-    wide after = (wide)link.estimate * power(31) + link.carry;
-    int down = gain.exponent > 27 ? gain.exponent - 27 : 0;
-    wide exact = (wide)innovation * gain.mantissa * power(27 - gain.exponent + down);
+    /* In units of 2^-59, times 2^down so that the exact step is whole. */
+    wide before = (wide)estimate * power(32) + carry;
+    wide after = (wide)link.estimate * power(32) + link.carry;
+    int down = gain.exponent > 28 ? gain.exponent - 28 : 0;
+    wide exact = (wide)innovation * gain.mantissa * power(28 - gain.exponent + down);
     wide step = (after - before) * power(down);
-    /* Two floors: the product loses its lowest 16 bits, worth 2^(43 - exponent) here and at most
-     * 2^-30 of the gain, then what is below 2^-58. The step is short by less than the larger. */
-    wide grain = gain.exponent < 43 ? power(43 - gain.exponent) : 1;
-    wide limit = power(61); /* 8 units of noise */
+    /* Two floors: the product loses its lowest 16 bits, worth 2^(44 - exponent) here and at most
+     * 2^-30 of the gain, then what is below 2^-59. The step is short by less than the larger. */
+    wide grain = gain.exponent < 44 ? power(44 - gain.exponent) : 1;
+    wide limit = power(62); /* 8 units of noise */
     bool right;
     if (magnitude(exact) < limit * power(down)) {
-        /* 2^30 where -8 exactly, the floor of a little more, is taken for too large. */
+        /* 2^31 where -8 exactly, the floor of a little more, is taken for too large. */
         right = exact - step < grain * power(down) &&
-                (step <= exact || (step == -(limit - power(30)) && exact - grain <= -limit));
+                (step <= exact || (step == -(limit - power(31)) && exact - grain <= -limit));
     } else {
-        right = step == (exact < 0 ? -1 : 1) * (limit - power(30)); /* 2^-28 less than 8 */
+        right = step == (exact < 0 ? -1 : 1) * (limit - power(31)); /* 2^-28 less than 8 */
     }
     REQUIRE(right, "estimate %ld carry %lu gain %u 2^%d innovation %ld", (long)estimate,
             (unsigned long)carry, gain.mantissa, -gain.exponent, (long)innovation);
@@ -408,7 +458,7 @@ static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain,
 static void test_accumulate(void)
 {
     static const uint16_t mantissas[] = {0x8000, 0x8001, 0xFFFF, 0xC3A5};
-    static const uint32_t carries[] = {0, 1, 0x3FFFFFFF, 0x40000000, 0x7FFFFFFF};
+    static const uint32_t carries[] = {0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF};
     static const int32_t estimates[] = {0, 1, -1, 1 << 29, -(1 << 29), 12345678};
     /* Exponents from -1 (gain 2^16) to 62 + 31 + 31 (the smallest that a format can make). */
     for (int exponent = -1; exponent <= 124; ++exponent) {
@@ -430,11 +480,11 @@ static void test_accumulate(void)
         onebit_gain gain = {(uint16_t)(0x8000u | random_word(&seed)),
                             (int16_t)(random_word(&seed) % 92u - 1u)};
         int32_t estimate = (int32_t)(random_word(&seed) % ((1u << 30) + 1u)) - (1 << 29);
-        check_accumulate(estimate, random_word(&seed) >> 1, gain, (int32_t)random_size(&seed, 31));
+        check_accumulate(estimate, random_word(&seed), gain, (int32_t)random_size(&seed, 31));
     }
 }
 
-/* Gains too small for 2^-58 leave 0 or, for the floor of a negative step, one unit of 2^-58. */
+/* Gains too small for 2^-59 leave 0 or, for the floor of a negative step, one unit of 2^-59. */
 static void test_accumulate_with_tiny_gains(void)
 {
     for (int exponent = 75; exponent <= 124; ++exponent) {
@@ -472,9 +522,9 @@ static void test_innovation(void)
         TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, false) == probability);
         TEST_ASSERT_TRUE(onebit_innovation((int32_t)u, true) == probability - 0x80000000LL);
     }
-    /* "Within +-(2^31 - 1)" at the ends of the range too. */
-    TEST_ASSERT_TRUE(onebit_innovation(INT32_MIN, true) >= -INT32_MAX);
-    TEST_ASSERT_TRUE(onebit_innovation(INT32_MAX, false) <= INT32_MAX);
+    /* "Within +-(2^31 - 1)" as far as the table goes. */
+    TEST_ASSERT_TRUE(onebit_innovation(-ONEBIT_CDF_END, true) >= -INT32_MAX);
+    TEST_ASSERT_TRUE(onebit_innovation(ONEBIT_CDF_END, false) > 0);
 }
 
 static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, int shift)
@@ -557,6 +607,8 @@ int main(void)
     RUN_TEST(test_coefficient_valid);
     RUN_TEST(test_gain_at);
     RUN_TEST(test_quotient_by_shifting);
+    RUN_TEST(test_scaled);
+    RUN_TEST(test_shifted);
     RUN_TEST(test_accumulate);
     RUN_TEST(test_accumulate_with_tiny_gains);
     RUN_TEST(test_too_large_a_step_ends_at_the_bound);

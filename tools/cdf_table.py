@@ -3,28 +3,38 @@
 
 usage: tools/cdf_table.py > lib/onebit_cdf_table.c
 
-The table covers |u| < 5 with segments of width 1/8. With t in [0, 1) the place in a segment,
+The table covers 0 <= u < 5 with segments of width 1/8. With t in [0, 1) the place in a segment,
 
-    F = value[i] + (value[i+1] - value[i]) t + t (1 - t) (curvature[i] + skew[i] t),
+    F = value + (slope - (curvature + skew t) t) t,
 
-all in Q0.31. The first two terms meet the nodes exactly; the third makes the cubic that also meets
-the CDF where the fourth-order Chebyshev polynomial, stretched until its outer zeros fall on the
-nodes, has its inner zeros: the fit whose largest error is least among those that keep the nodes.
-Towards the tail the terms are scaled up by 2^scale[i] before they are rounded, so that rounding
-stays far below the rise of one step of t and the function stays monotone.
+the cubic that meets the CDF at both nodes and where the fourth-order Chebyshev polynomial,
+stretched until its outer zeros fall on the nodes, has its inner zeros: the fit whose largest error
+is least among those that keep the nodes. The inner bracket is positive, as F'' < 0 for u > 0, and
+the outer one too, as F' > 0: onebit_cdf.h multiplies unsigned numbers.
+
+Cut to integers, the slope falls in steps of one unit. While it is above 2^16 units, F rises by more
+at each step of t than it loses so. In the last segments it is not, and the slope is constant: the
+chord is near enough there (6.3e-8).
 """
 
 import math
 import sys
+from typing import NamedTuple
 
 SEGMENTS = 40
+CHORDS_FROM = 37  # the slope falls below 2^16 units there
 WIDTH = 1 / 8
 ONE = 2**31
-# onebit_cdf.h has t in steps of 2^-16, so t (1 - t) as well, and shifts its product with
-# curvature and skew right by 9: these have 2^(9 - 16) of a unit of F as their own unit.
-PLACE_BITS = 16
-CORRECTION_SHIFT = 9
-LARGEST = 2**15 - 1
+# onebit_cdf.h takes t in steps of 2^-16. The slope has 5 bits more than F; curvature and skew have
+# 5 bits more than the slope, as many as leave the largest of each (at u = 0 and 1) within 32 bits.
+STEPS = 2**16
+GUARD_BITS = 5
+
+
+class Segment(NamedTuple):
+    value: int
+    slope: int
+    bend: int
 
 
 def cdf(u: float) -> float:
@@ -32,58 +42,50 @@ def cdf(u: float) -> float:
     return math.erfc(-u / math.sqrt(2)) / 2
 
 
-def correction(segment: int, rise: float, start: float) -> tuple[float, float]:
+def correction(segment: int) -> tuple[float, float]:
     """Curvature and skew of a segment, in units of the CDF."""
+    start, end = cdf(segment * WIDTH), cdf((segment + 1) * WIDTH)
     ratio = math.cos(3 * math.pi / 8) / math.cos(math.pi / 8)
     places = ((1 - ratio) / 2, (1 + ratio) / 2)
-    wanted = [(cdf((segment + t) * WIDTH) - start - rise * t) / (t * (1 - t)) for t in places]
+    # F - chord = t (1 - t) (bow + skew t), so curvature = bow - skew.
+    wanted = [
+        (cdf((segment + t) * WIDTH) - start - (end - start) * t) / (t * (1 - t)) for t in places
+    ]
     skew = (wanted[1] - wanted[0]) / (places[1] - places[0])
-    return wanted[0] - skew * places[0], skew
+    bow = wanted[0] - skew * places[0]
+    return bow - skew, skew
 
 
-def rows(numbers: list[int], per_line: int) -> str:
-    """The numbers as lines of a C initializer."""
-    lines = [numbers[i : i + per_line] for i in range(0, len(numbers), per_line)]
-    return "\n".join("    " + " ".join(f"{number}," for number in line) for line in lines)
+def segment(index: int) -> Segment:
+    """The integers of a segment."""
+    value, after = (round(cdf(i * WIDTH) * ONE) for i in (index, index + 1))
+    curvature, skew = (0.0, 0.0) if index >= CHORDS_FROM else correction(index)
+    unit = ONE * 2 ** (2 * GUARD_BITS)
+    # One step of t weighs `whole_skew` once, so that no product needs to be cut.
+    whole_skew = round(skew * unit / STEPS)
+    # The lower half word holds the skew and counts in the sum with the curvature.
+    lower = whole_skew % 2**16
+    upper = max(0, round((curvature * unit - lower) / 2**16))
+    bend = (upper << 16) + lower
+    # The slope is what leads to the next node with the other terms as rounded.
+    slope = ((after - value) << GUARD_BITS) + round((bend + whole_skew * STEPS) / 2**GUARD_BITS)
+    return Segment(value, slope, bend)
 
 
 def main() -> None:
-    values = [round(cdf(i * WIDTH) * ONE) for i in range(SEGMENTS + 1)]
-    curvatures, skews, scales = [], [], []
-    for i in range(SEGMENTS):
-        rise = (values[i + 1] - values[i]) / ONE
-        curvature, skew = correction(i, rise, values[i] / ONE)
-        unit = ONE * 2 ** (CORRECTION_SHIFT - PLACE_BITS)
-        scale = 0
-        while (
-            max(abs(curvature), abs(skew), abs(curvature + skew)) * unit * 2 ** (scale + 1)
-            <= LARGEST
-            and (values[i + 1] - values[i]) << (scale + 1) < ONE
-        ):
-            scale += 1
-        curvatures.append(round(curvature * unit * 2**scale))
-        skews.append(round(skew * unit * 2**scale))
-        scales.append(scale)
+    cells = [
+        f"{{0x{bend:08X}, 0x{slope:08X}, 0x{value:08X}}}"
+        for value, slope, bend in map(segment, range(SEGMENTS))
+    ]
+    rows = "\n".join(f"    {cells[i]}, {cells[i + 1]}," for i in range(0, SEGMENTS, 2))
     sys.stdout.write(f"""\
 /* Generated by tools/cdf_table.py, which says what the numbers are; do not edit. */
 /* clang-format off */
 #include "onebit_cdf.h"
 
-/* Q0.31: the CDF at 0, 1/8, 2/8, .., 5. */
-const uint32_t onebit_cdf_value[{SEGMENTS + 1}] = {{
-{rows(values, 8)}
-}};
-
-const int16_t onebit_cdf_curvature[{SEGMENTS}] = {{
-{rows(curvatures, 10)}
-}};
-
-const int16_t onebit_cdf_skew[{SEGMENTS}] = {{
-{rows(skews, 10)}
-}};
-
-const uint8_t onebit_cdf_scale[{SEGMENTS}] = {{
-{rows(scales, 20)}
+/* Bend, slope, value. */
+const onebit_cdf_segment onebit_cdf_segments[{SEGMENTS}] = {{
+{rows}
 }};
 """)
 
