@@ -18,11 +18,11 @@
 
 enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
-#define KNOCK 500000000u              /* nanoseconds between two attempts to open the channel */
-#define KNOCKS 6                      /* then it goes on: some adapters never answer */
-#define MISSING (10ull * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
+#define KNOCK 500000000u           /* nanoseconds between two attempts to open the channel */
+#define KNOCKS 6                   /* then it goes on: some adapters never answer */
+#define MISSING (10 * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
 /* What the end may take, of a socket whose other end answers and of anything else. */
-#define SOCKET_END (60ull * LOOP_SECOND)
+#define SOCKET_END (60 * LOOP_SECOND)
 #define OTHER_END LOOP_SECOND
 
 struct member {
