@@ -6,6 +6,7 @@
 
 #include "canopen.h"
 #include "chain.h"
+#include "command_line.h"
 #include "loop.h"
 #include "machine.h"
 #include "serial.h"
@@ -15,8 +16,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 #define KNOCK 500000000u           /* nanoseconds between two attempts to open the channel */
 #define KNOCKS 6                   /* then it goes on: some adapters never answer */
