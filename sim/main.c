@@ -2,20 +2,17 @@
  * onebit-sim: runs scenarios and replays bus logs. Reads the command line, calls the modules, turns
  * their results into exit status 0 (done), 2 (bad use or input) or 1 (failure).
  */
+#include "command_line.h"
 #include "conditions.h"
 #include "ensemble.h"
 #include "record.h"
 #include "replay.h"
 
-#include <errno.h>
 #include <getopt.h>
 #include <omp.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 static const char usage[] = "usage: onebit-sim run FILE [options]\n"
                             "       onebit-sim replay FILE LOG --agent I [options]\n"
@@ -68,44 +65,9 @@ struct options {
     uint32_t window[2];
 };
 
+#define PROGRAM "onebit-sim"
 /* One line on standard error; the status to end with. */
-__attribute__((format(printf, 2, 3))) static int complain(int status, const char *format, ...)
-{
-    va_list arguments;
-    fputs("onebit-sim: ", stderr);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return status;
-}
-
-/* A whole decimal number in [least, most]. */
-static bool read_number(const char *text, uint32_t least, uint32_t most, uint32_t *number)
-{
-    if (text[0] < '0' || text[0] > '9') {
-        return false;
-    }
-    char *end;
-    errno = 0;
-    unsigned long long value = strtoull(text, &end, 10);
-    if (errno != 0 || *end != '\0' || value < least || value > most) {
-        return false;
-    }
-    *number = (uint32_t)value;
-    return true;
-}
-
-static int read_arithmetic(const char *text, enum arithmetic *arithmetic)
-{
-    for (int k = 0; k < ARITHMETIC_COUNT; ++k) {
-        if (strcmp(text, arithmetic_names[k]) == 0) {
-            *arithmetic = (enum arithmetic)k;
-            return DONE;
-        }
-    }
-    return complain(BAD_USE, "--arith %s: must be f64, f32 or q31", text);
-}
+#define complain(...) command_line_complain(PROGRAM, __VA_ARGS__)
 
 struct number_option {
     const char *name;
@@ -114,21 +76,14 @@ struct number_option {
     uint32_t *number;
 };
 
-static int read_number_option(const struct number_option *option, const char *text)
-{
-    if (!read_number(text, option->least, option->most, option->number)) {
-        return complain(BAD_USE, "--%s %s: must be a whole number from %lu to %lu", option->name,
-                        text, (unsigned long)option->least, (unsigned long)option->most);
-    }
-    return DONE;
-}
-
 /* The two numbers of --slope-window; the second is the argument that follows. */
 static int read_window(struct options *options, int argument_count, char **arguments)
 {
+    const char *first = optarg;
     const char *second = optind < argument_count ? arguments[optind++] : "";
-    if (!read_number(optarg, 0, UINT32_MAX, &options->window[0]) ||
-        !read_number(second, 0, UINT32_MAX, &options->window[1]) ||
+    const char *rest = second;
+    if (!command_line_number(&first, 0, UINT32_MAX, &options->window[0]) || *first != '\0' ||
+        !command_line_number(&rest, 0, UINT32_MAX, &options->window[1]) || *rest != '\0' ||
         options->window[0] >= options->window[1]) {
         return complain(BAD_USE,
                         "--slope-window %s %s: must be two steps, the first below the second",
@@ -166,7 +121,7 @@ static int read_options(struct options *options, bool replays, int argument_coun
                                  replays ? replay_options : run_options, NULL)) != -1) {
         switch (option) {
         case 'a':
-            status = read_arithmetic(optarg, &options->arithmetic);
+            status = command_line_arithmetic(PROGRAM, optarg, &options->arithmetic);
             break;
         case 'o':
             options->out = optarg;
@@ -186,7 +141,9 @@ static int read_options(struct options *options, bool replays, int argument_coun
             return complain(BAD_USE, "%s: no such option; see onebit-sim %s --help",
                             arguments[optind - 1], replays ? "replay" : "run");
         default:
-            status = read_number_option(&numbers[option], optarg);
+            status =
+                command_line_option(PROGRAM, numbers[option].name, optarg, numbers[option].least,
+                                    numbers[option].most, numbers[option].number);
         }
     }
     if (status != DONE) {

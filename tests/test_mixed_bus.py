@@ -2,6 +2,7 @@
 line, which speaks slcan. All have the bits of the simulator's run of seven. (test_serial_avr.py has
 the processor whose emulator takes no live line.)"""
 
+import itertools
 import json
 import os
 import re
@@ -22,7 +23,8 @@ NODE = BUILD / "bin/onebit-node"
 SCENARIO = SCENARIOS / "aircraft-integer.yaml"
 IN_FIRMWARE = 3  # CONFIG of ports/firmware/node.c
 OTHERS = "1-2,4-7"
-STEPS = 2000
+STEPS = 2000  # of the Cortex-M3; the others', whose code is the same, are fewer
+FEW_STEPS = 300  # the clock, modulo 128, goes round twice
 # Presets whose boards QEMU emulates, and what each needs.
 BOARDS = {
     "cortex-m0": (("arm-none-eabi-gcc", "gcc-arm-none-eabi"), ("qemu-system-arm",) * 2),
@@ -106,36 +108,49 @@ def replay(log, agent):
     return result.stdout
 
 
+def first_difference(text, wanted):
+    """The first line in which they differ; pytest's own account of 2,000 lines takes minutes."""
+    lines = itertools.zip_longest(text.splitlines(), wanted.splitlines())
+    return next((pair for pair in lines if pair[0] != pair[1]), None)
+
+
 def test_firmware_and_host_compute_the_simulators_bits(board, tmp_path):
     process, line = board
-    run(SCENARIO, arith="q31", steps=STEPS, out=tmp_path / "out", log=tmp_path / "sim.log")
-    result = run_others(line, "--steps", str(STEPS), "--csv", str(tmp_path / "agent.csv"))
+    steps = STEPS if "mps2-an385" in process.args else FEW_STEPS
+    run(SCENARIO, arith="q31", steps=steps, out=tmp_path / "out", log=tmp_path / "sim.log")
+    result = run_others(line, "--steps", str(steps), "--csv", str(tmp_path / "agent.csv"))
     assert result.returncode == 0, result.stdout + result.stderr
-    assert f"SYNC sent {STEPS}, late 0, incomplete steps 0" in result.stdout
+    assert f"SYNC sent {steps}, late 0, incomplete steps 0" in result.stdout
     output, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, output
 
     # The six: every estimate, control and state of every step.
     for agent in (1, 2, 4, 5, 6, 7):
         csv = (tmp_path / f"agent-{agent}.csv").read_text()
-        assert csv == replay(tmp_path / "sim.log", agent), agent
-        assert len(csv.splitlines()) == 1 + STEPS
+        assert first_difference(csv, replay(tmp_path / "sim.log", agent)) is None, agent
+        assert len(csv.splitlines()) == 1 + steps
 
     # The one in firmware: every estimate and control by checksum, the state after the last step.
-    steps = one_answer.replayed(SIMULATOR, tmp_path / "sim.log", IN_FIRMWARE)
-    checksum = one_answer.checksums(steps)[STEPS]
+    replayed = one_answer.replayed(SIMULATOR, tmp_path / "sim.log", IN_FIRMWARE)
+    checksum = one_answer.checksums(replayed)[steps]
     last = [
         row
         for row in rows(tmp_path / "out/trajectory.csv")
-        if int(row["step"]) == STEPS and int(row["agent"]) == IN_FIRMWARE
+        if int(row["step"]) == steps and int(row["agent"]) == IN_FIRMWARE
     ]
     unit = 2.0 ** one_answer.define("ONEBIT_CONFIG_STATE_FRACTION_BITS")
     states = [one_answer.integer(float(last[0][f"x{k}"]) * unit) for k in range(1, 5)]
     words = " ".join(f"{state & 0xFFFFFFFF:08x}" for state in states)
     assert output == (
-        f"agent {IN_FIRMWARE} steps {STEPS} checksum {checksum:08x} states {words} "
+        f"agent {IN_FIRMWARE} steps {steps} checksum {checksum:08x} states {words} "
         "late 0 refused 0 aligned 0 lines_dropped 0 bytes_lost 0\n"
     )
+    # And the README's.
+    if steps == STEPS:
+        shown = (ROOT / "ports/slcan/README.md").read_text().splitlines()
+        assert {
+            f"    {text}" for text in (output.strip(), *result.stdout.splitlines()[::5][:2])
+        } <= {*shown}
 
 
 def test_a_stop_by_signal_ends_firmware_and_host_in_the_same_step(board, tmp_path):

@@ -5,14 +5,12 @@ platform's preset holds its image against that file (ports/firmware/CMakeLists.t
 against the simulator, and against programs of the host's compilers and of a big-endian processor.
 """
 
-import os
 import re
-import shutil
-import subprocess
 import sys
 
 import pytest
 import yaml
+from programs import need, run
 from simulator import ROOT, SCENARIOS, SIMULATOR
 
 sys.path.insert(0, str(ROOT / "tools"))
@@ -30,25 +28,6 @@ FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-c
 FLAGS += ["-Wshadow", "-Werror"]
 FLAGS += [f"-I{folder}" for folder in (FIRMWARE, ROOT / "lib", ROOT / "sim")]
 MIPS = ("mips-linux-gnu-gcc", "-static")
-PACKAGES = {
-    "clang": "clang",
-    "mips-linux-gnu-gcc": "gcc-mips-linux-gnu and libc6-dev-mips-cross",
-    "qemu-mips": "qemu-user",
-}
-
-
-def need(*programs):
-    """Skips without a program, but fails in CI, where all are installed."""
-    for program in programs:
-        if shutil.which(program) is None:
-            message = f"no {program} here (Debian package {PACKAGES.get(program, program)})"
-            (pytest.fail if "CI" in os.environ else pytest.skip)(message)
-
-
-def run(*command):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(done.args)}\n{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 def expected():
@@ -97,7 +76,9 @@ def test_host(tmp_path, compiler, level):
 
 
 def test_big_endian(tmp_path):
-    need("mips-linux-gnu-gcc", "qemu-mips", "readelf")
+    need("mips-linux-gnu-gcc", "gcc-mips-linux-gnu and libc6-dev-mips-cross")
+    need("qemu-mips", "qemu-user")
+    need("readelf", "binutils")
     run(*MIPS, *FLAGS, "-O2", *SOURCES, "-o", tmp_path / "aircraft")
     assert "big endian" in run("readelf", "-h", tmp_path / "aircraft")
     assert run("qemu-mips", tmp_path / "aircraft") == expected()

@@ -13,6 +13,7 @@ import subprocess
 from itertools import combinations
 
 import pytest
+from programs import run
 from simulator import ROOT
 
 PRESETS = [
@@ -32,12 +33,6 @@ SILENT = ("-I", "-W", "-g", "-o", "-c", "-D", "-O", "--specs=picolibc.specs")
 # Change nothing here: the language, the instruction set of which picolibc has a library, and what
 # keeps fused multiply-adds out, which not every processor has (it has a test of its own).
 ASSUMED = ("-std=c99", "-misa-spec=2.2", "-ffp-contract=off")
-
-
-def run(*command):
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(done.args)}\n{done.stdout}{done.stderr}"
-    return done.stdout
 
 
 @pytest.fixture(scope="module")

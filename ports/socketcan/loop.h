@@ -10,10 +10,10 @@
 #include <stdint.h>
 #include <time.h>
 
-#define LOOP_SECOND 1000000000u /* nanoseconds */
-#define LOOP_RETRY 1000000u     /* after which a full transmit queue is tried again */
-#define LOOP_REVIVE 100000000u  /* after which an interface that is down is looked at again */
-#define LOOP_STATUS 250000000u  /* between two writings of the status line */
+#define LOOP_SECOND UINT64_C(1000000000) /* nanoseconds */
+#define LOOP_RETRY 1000000u              /* after which a full transmit queue is tried again */
+#define LOOP_REVIVE 100000000u /* after which an interface that is down is looked at again */
+#define LOOP_STATUS 250000000u /* between two writings of the status line */
 
 #define LOOP_BATCH 64 /* frames taken from one socket before timers are looked at again */
 

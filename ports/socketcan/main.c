@@ -4,18 +4,15 @@
  * results into exit status 0 (done), 2 (bad use or input) or 1 (failure).
  */
 #include "check.h"
+#include "command_line.h"
 #include "master.h"
 #include "node.h"
 #include "serial_group.h"
 
-#include <errno.h>
 #include <getopt.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 #define AGENTS_MAX 1024u /* in one process: one socket each */
 #define PERIOD_MAX 86400.0
@@ -29,7 +26,7 @@ static const char help[] =
     "line\n"
     "       onebit-node check --interface vcan0    what is missing, the command that mends it\n"
     "\n"
-    "Runs agents of a scenario, each with its plant, on a CAN interface.\n"
+    "Runs agents of a scenario, each with its plant, on a CAN interface or a serial line.\n"
     "\n"
     "  --interface NAME     the CAN interface; or slcan:PATH[@SPEED], a serial line (terminal,\n"
     "                       pty or Unix socket) that speaks slcan. There this process is the\n"
@@ -69,45 +66,9 @@ struct options {
     uint32_t run;
 };
 
+#define PROGRAM "onebit-node"
 /* One line on standard error; the status to end with. */
-__attribute__((format(printf, 2, 3))) static int complain(int status, const char *format, ...)
-{
-    va_list arguments;
-    fputs("onebit-node: ", stderr);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return status;
-}
-
-/* A decimal number in [least, most] at *text, which moves behind it. */
-static bool read_part(const char **text, uint32_t least, uint32_t most, uint32_t *number)
-{
-    char *end;
-    if (**text < '0' || **text > '9') {
-        return false;
-    }
-    errno = 0;
-    unsigned long long value = strtoull(*text, &end, 10);
-    if (errno != 0 || value < least || value > most) {
-        return false;
-    }
-    *number = (uint32_t)value;
-    *text = end;
-    return true;
-}
-
-static int read_number(const char *name, const char *text, uint32_t least, uint32_t most,
-                       uint32_t *number)
-{
-    const char *rest = text;
-    if (!read_part(&rest, least, most, number) || *rest != '\0') {
-        return complain(BAD_USE, "--%s %s: must be a whole number from %lu to %lu", name, text,
-                        (unsigned long)least, (unsigned long)most);
-    }
-    return DONE;
-}
+#define complain(...) command_line_complain(PROGRAM, __VA_ARGS__)
 
 /* 3 or 1-7 or 1,3,5-7: ascending. */
 static int read_agents(const char *name, const char *text, struct options *options)
@@ -117,11 +78,11 @@ static int read_agents(const char *name, const char *text, struct options *optio
     do {
         uint32_t first;
         rest += *rest == ',' && options->agent_count != 0;
-        bool good = read_part(&rest, least, UINT32_MAX - 1u, &first);
+        bool good = command_line_number(&rest, least, UINT32_MAX - 1u, &first);
         uint32_t last = good ? first : 0;
         if (good && *rest == '-') {
             ++rest;
-            good = read_part(&rest, first, UINT32_MAX - 1u, &last);
+            good = command_line_number(&rest, first, UINT32_MAX - 1u, &last);
         }
         if (!good || (*rest != ',' && *rest != '\0') ||
             last - first >= AGENTS_MAX - options->agent_count) {
@@ -158,17 +119,6 @@ static int read_period(const char *text, struct options *options)
                         text);
     }
     return DONE;
-}
-
-static int read_arithmetic(const char *text, enum arithmetic *arithmetic)
-{
-    for (int k = 0; k < ARITHMETIC_COUNT; ++k) {
-        if (strcmp(text, arithmetic_names[k]) == 0) {
-            *arithmetic = (enum arithmetic)k;
-            return DONE;
-        }
-    }
-    return complain(BAD_USE, "--arith %s: must be f64, f32 or q31", text);
 }
 
 static bool is_serial(const char *interface)
@@ -236,9 +186,9 @@ static int read_options(struct options *options, int argument_count, char **argu
         case 'n':
         case 'g':
             options->agent_count = 0;
-            status = option == 'g'
-                         ? read_agents("agents", optarg, options)
-                         : read_number("agent", optarg, 1, UINT32_MAX - 1u, options->agents);
+            status = option == 'g' ? read_agents("agents", optarg, options)
+                                   : command_line_option(PROGRAM, "agent", optarg, 1,
+                                                         UINT32_MAX - 1u, options->agents);
             options->agent_count = option == 'g' ? options->agent_count : 1;
             break;
         case 'y':
@@ -251,16 +201,16 @@ static int read_options(struct options *options, int argument_count, char **argu
             status = read_period(optarg, options);
             break;
         case 't':
-            status = read_number("steps", optarg, 1, UINT32_MAX, &options->steps);
+            status = command_line_option(PROGRAM, "steps", optarg, 1, UINT32_MAX, &options->steps);
             break;
         case 'a':
-            status = read_arithmetic(optarg, &options->arithmetic);
+            status = command_line_arithmetic(PROGRAM, optarg, &options->arithmetic);
             break;
         case 's':
-            status = read_number("seed", optarg, 0, UINT32_MAX, &options->seed);
+            status = command_line_option(PROGRAM, "seed", optarg, 0, UINT32_MAX, &options->seed);
             break;
         case 'r':
-            status = read_number("run", optarg, 0, UINT32_MAX, &options->run);
+            status = command_line_option(PROGRAM, "run", optarg, 0, UINT32_MAX, &options->run);
             break;
         case 'c':
             options->csv = optarg;

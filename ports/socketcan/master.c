@@ -3,6 +3,7 @@
 
 #include "canopen.h"
 #include "chain.h"
+#include "command_line.h"
 #include "loop.h"
 #include "socketcan.h"
 
@@ -10,8 +11,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <unistd.h>
-
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 #define MISSING LOOP_SECOND /* a step of period 0 waits no longer for its messages */
 #define STOP_ATTEMPTS 1000  /* LOOP_RETRY apart */

@@ -8,6 +8,7 @@
 #include "node.h"
 
 #include "canopen.h"
+#include "command_line.h"
 #include "loop.h"
 #include "machine.h"
 #include "onebit_status.h"
@@ -19,8 +20,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <unistd.h>
-
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
 
 #define FOREIGN_STEPS 3 /* in a row with frames of another form only: the peers use that one */
 

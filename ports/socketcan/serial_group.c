@@ -6,6 +6,7 @@
 
 #include "canopen.h"
 #include "chain.h"
+#include "command_line.h"
 #include "loop.h"
 #include "machine.h"
 #include "serial.h"
@@ -16,13 +17,11 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { DONE = 0, FAILURE = 1, BAD_USE = 2 };
-
-#define KNOCK 500000000u              /* nanoseconds between two attempts to open the channel */
-#define KNOCKS 10                     /* then it goes on: some adapters never answer */
-#define MISSING (10ull * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
+#define KNOCK 500000000u           /* nanoseconds between two attempts to open the channel */
+#define KNOCKS 6                   /* then it goes on: some adapters never answer */
+#define MISSING (10 * LOOP_SECOND) /* a step in lock step waits no longer for its messages */
 /* What the end may take, of a socket whose other end answers and of anything else. */
-#define SOCKET_END (60ull * LOOP_SECOND)
+#define SOCKET_END (60 * LOOP_SECOND)
 #define OTHER_END LOOP_SECOND
 
 struct member {
@@ -160,13 +159,31 @@ static uint32_t messages_from_line(struct group *group, uint32_t t)
     return count;
 }
 
-/* A frame for all agents of this process but its sender, one of them or null. */
-static void deliver(struct group *group, const onebit_frame *frame, const struct member *sender)
+/* What a node's filters let through (node.c): all but messages of and to others. */
+static bool concerns(const struct group *group, const struct member *member,
+                     const onebit_frame *frame)
+{
+    onebit_message message;
+    const uint32_t *neighbours;
+    uint32_t count = group->verbs->neighbours(member->machine, &neighbours);
+    if (onebit_frame_decode(&group->nodes->scenario->format, frame, &message) != ONEBIT_OK) {
+        return true; /* to be refused and counted */
+    }
+    for (uint32_t k = 0; k < count; ++k) {
+        if (neighbours[k] == message.sender) {
+            return message.receiver == 0 || message.receiver == member->agent;
+        }
+    }
+    return false;
+}
+
+static void deliver(struct group *group, const onebit_frame *frame)
 {
     for (uint32_t k = 0; k < group->nodes->agent_count; ++k) {
-        if (&group->members[k] != sender) {
-            ++group->members[k].frames_in;
-            group->verbs->hear(group->members[k].machine, frame);
+        struct member *member = &group->members[k];
+        if (concerns(group, member, frame)) {
+            ++member->frames_in;
+            group->verbs->hear(member->machine, frame);
         }
     }
 }
@@ -185,7 +202,7 @@ static void begin_step(struct group *group)
     }
     for (uint32_t k = 0; k < group->nodes->agent_count; ++k) {
         for (uint32_t frame = 0; frame < group->members[k].frame_count; ++frame) {
-            deliver(group, &group->members[k].frames[frame], &group->members[k]);
+            deliver(group, &group->members[k].frames[frame]);
         }
     }
 }
@@ -232,7 +249,7 @@ static void receive_frames(struct group *group)
             }
         } else if (group->in_step) {
             group->heard += is_expected(group, &frame);
-            deliver(group, &frame, NULL);
+            deliver(group, &frame);
         }
     }
 }

@@ -89,7 +89,9 @@ def test_part_of_a_group_behind_an_adapter(tmp_path, name):
     assert f"SYNC sent {STEPS}, late 0, incomplete steps 0" in result.stdout, result.stdout
     for node in others:
         assert node.wait() == 0, node.errors.read_text()
-        assert node.text() == bus.replay(scenario, tmp_path / "sim.log", node.agent), node.agent
+        same_bits = node.text() == bus.replay(scenario, tmp_path / "sim.log", node.agent)
+        assert same_bits, node.agent
     for agent in (1, 2, 3):
         csv = (tmp_path / f"agent-{agent}.csv").read_text()
-        assert csv == bus.replay(scenario, tmp_path / "sim.log", agent), agent
+        same_bits = csv == bus.replay(scenario, tmp_path / "sim.log", agent)
+        assert same_bits, agent
