@@ -2,9 +2,9 @@
  * An end of a slcan line as a transport of ports/transport.h, over two hooks that put and take
  * bytes: a UART, a USB CDC endpoint, a terminal of the host.
  *
- *   device   what an adapter is to a host, and an agent that hangs on its host's serial line:
- * answers the host's commands, is down until the host opens the channel. host     drives an
- * adapter, or such an agent: opens the channel, counts the answers.
+ * A device is what an adapter is to a host, and an agent that hangs on its host's serial line: it
+ * answers the host's commands and is down until the host opens the channel. A host drives an
+ * adapter, or such an agent: it opens the channel and counts the answers.
  *
  * Frames from the other end are received, frames sent go to the other end, on either side; no frame
  * comes back to its sender. No allocation, no C library; a call to send writes one line, a call to
