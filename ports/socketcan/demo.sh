@@ -88,7 +88,7 @@ processes+=("$master")
 show() {
     for agent in $(seq "$agents"); do
         tail -n 2 "$folder/$agent.csv" | head -n 1
-    done | awk -F, '
+    done | awk -F, -v agents="$agents" '
         $1 == "step" { next }
         {
             ++count
@@ -100,7 +100,7 @@ show() {
             squares += $6 * $6
         }
         END {
-            if (!count) exit
+            if (count < agents) exit # some have not made a step yet
             for (place = 0; place <= 60; ++place) line = line (place in at ? at[place] : ".")
             variance = squares / count - (sum / count) ^ 2
             printf "%7d  %s  %.3f m\n", step, line, sqrt(variance > 0 ? variance : 0)

@@ -6,10 +6,9 @@ import platform
 import socket
 import struct
 import subprocess
-import time
 
 import pytest
-from bus import INTERFACE, NODE, PERIOD, start, start_nodes
+from bus import INTERFACE, NODE, PERIOD, start, start_nodes, wait_until
 from simulator import ROOT, SCENARIOS
 from test_simulator import variant
 
@@ -127,19 +126,25 @@ def test_payload_form_that_the_peers_do_not_use(tmp_path, own, peers):
 @pytest.mark.usefixtures("vcan")
 def test_ends_cleanly_with_a_summary(tmp_path):
     """SIGTERM and Ctrl-C: status 0, what was done on standard output, as text or as JSON."""
+    csv = tmp_path / "agent.csv"
     for number, options in ((15, ()), (2, ()), (15, ("--json",)), (2, ("--json",))):
+        csv.unlink(missing_ok=True)
         process = start(
-            NODE, TWO, "--interface", INTERFACE, "--agent", 1, "--period", "20ms", *options,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            NODE, TWO, "--interface", INTERFACE, "--agent", 1, "--period", "20ms", "--csv", csv,
+            *options, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
-        time.sleep(1)
+        wait_until(
+            "the node has made some steps",
+            lambda: csv.exists() and csv.read_text().count("\n") > 20,
+        )
         process.send_signal(number)
         output, errors = process.communicate(timeout=10)
         assert process.returncode == 0, errors
         if options:
             summary = json.loads(output)
-            assert summary["steps"] > 20
-            assert summary["frames_out"] >= summary["steps"]
+            assert summary["steps"] >= 20
+            # On a busy machine a step may be over before its message left.
+            assert summary["frames_out"] + summary["late"] >= summary["steps"]
         else:
             assert "steps" in output
 
