@@ -9,7 +9,9 @@ install(TARGETS onebit_base ${libraries}
     EXPORT onebit
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/onebit)
-file(GLOB headers CONFIGURE_DEPENDS onebit*.h)
+# The public ones; what the library is made with stays here.
+set(headers onebit.h onebit_frame.h onebit_limits.h onebit_random.h onebit_status.h onebit_types.h
+    onebit_version.h)
 install(FILES ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/onebit)
 
 # The package needs no other, so the exported targets are the whole of it. Before 1.0.0 a new minor

@@ -1,122 +1,59 @@
 /*
- * The agent of onebit.h, one text for all arithmetics: configuration check, encoder, receiver,
- * controller, clock. Touches nothing but its arguments.
+ * The verbs of onebit.h, one text for all arithmetics: start, send, receive, control, clock.
+ * Touches nothing but its arguments.
  */
 #include "onebit.h"
 
 #include "onebit_estimator.h"
+#include "onebit_random.h"
 
 #include <stddef.h>
 
-#define RATIO_LIMIT ONEBIT_REAL(4.0) /* of |threshold| + bound */
-#define ESTIMATOR_GAIN_LIMIT_LOG2 16 /* noise units; the fixed-point gain's exponent from -1 */
-#define STALE_FROM 64u               /* step errors 64..127 are behind the clock */
+#define STALE_FROM 64u /* step errors 64..127 are behind the clock */
 
 /*
  * Shifts of the fixed-point dot products: from the product's fraction bits to the result's. The
- * floating arithmetics have no formats and ignore them.
+ * floating arithmetics ignore them.
  */
-#if ONEBIT_ARITHMETIC == ONEBIT_Q31
-#define NOISE_FRACTION_BITS 27
 #define COMPRESSION_SHIFT(config)                                                                  \
-    ((config)->fraction_bits.compression + (config)->fraction_bits.state - NOISE_FRACTION_BITS)
+    ((config)->fraction_bits.compression + (config)->fraction_bits.state -                         \
+     ONEBIT_NOISE_FRACTION_BITS)
 #define STABILIZING_SHIFT(config)                                                                  \
     ((config)->fraction_bits.stabilizing + (config)->fraction_bits.state -                         \
      (config)->fraction_bits.control)
-#define CONSENSUS_SHIFT(config) (NOISE_FRACTION_BITS - (config)->fraction_bits.control)
+#define CONSENSUS_SHIFT(config) (ONEBIT_NOISE_FRACTION_BITS - (config)->fraction_bits.control)
 
-static bool formats_valid(const onebit_config *config)
+onebit_status onebit_start(const onebit_config *config, onebit_agent *agent,
+                           onebit_estimate *estimates, const onebit_real *initial)
 {
-    /* Through uint8_t a negative number is above every limit. */
-    return (uint8_t)config->fraction_bits.stabilizing <= 46 &&
-           (uint8_t)config->fraction_bits.compression <= 46 &&
-           (uint8_t)config->fraction_bits.state <= 31 &&
-           (uint8_t)config->fraction_bits.control <= 31;
-}
-#else
-#define COMPRESSION_SHIFT(config) 0
-#define STABILIZING_SHIFT(config) 0
-#define CONSENSUS_SHIFT(config) 0
-
-static bool formats_valid(const onebit_config *config)
-{
-    (void)config;
-    return true;
-}
-#endif
-
-onebit_status onebit_check(const onebit_config *config)
-{
-    if (config == NULL || config->neighbours == NULL || config->stabilizing == NULL ||
-        config->compression == NULL) {
-        return ONEBIT_NULL;
-    }
-    if (config->agent == 0) {
-        return ONEBIT_CONFIG_AGENT;
-    }
-    if (config->neighbour_count == 0 || config->neighbour_count > ONEBIT_NEIGHBOURS_MAX) {
-        return ONEBIT_CONFIG_NEIGHBOURS;
-    }
-    uint32_t previous = 0;
-    for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        if (config->neighbours[k] <= previous || config->neighbours[k] == config->agent) {
-            return ONEBIT_CONFIG_NEIGHBOURS;
-        }
-        previous = config->neighbours[k];
-    }
-    if (config->state_count == 0 || config->state_count > ONEBIT_STATES_MAX) {
-        return ONEBIT_CONFIG_STATES;
-    }
-    if (!formats_valid(config)) {
-        return ONEBIT_CONFIG_FRACTION_BITS;
-    }
-    if (!onebit_row_valid(config->stabilizing, config->state_count)) {
-        return ONEBIT_CONFIG_STABILIZING;
-    }
-    if (!onebit_row_valid(config->compression, config->state_count)) {
-        return ONEBIT_CONFIG_COMPRESSION;
-    }
-    /* Written so that a NaN is refused. */
-    if (!(config->threshold < RATIO_LIMIT && config->threshold > -RATIO_LIMIT)) {
-        return ONEBIT_CONFIG_THRESHOLD;
-    }
-    onebit_real distance = config->threshold < 0 ? -config->threshold : config->threshold;
-    if (!(config->bound > 0 && config->bound <= RATIO_LIMIT - distance)) {
-        return ONEBIT_CONFIG_BOUND;
-    }
-    if (!onebit_coefficient_valid(config->estimator_gain) ||
-        !onebit_coefficient_within(config->estimator_gain, ESTIMATOR_GAIN_LIMIT_LOG2)) {
-        return ONEBIT_CONFIG_ESTIMATOR_GAIN;
-    }
-    if (!onebit_coefficient_valid(config->control_gain)) {
-        return ONEBIT_CONFIG_CONTROL_GAIN;
-    }
-    if (config->start == 0 || config->start == UINT32_MAX) {
-        return ONEBIT_CONFIG_START;
-    }
-    return onebit_frame_agent_limit(&config->format) == 0 ? ONEBIT_CONFIG_FORMAT : ONEBIT_OK;
-}
-
-onebit_status onebit_start(const onebit_config *config, onebit_agent *agent, onebit_link *links,
-                           const onebit_real *estimates)
-{
+#ifndef ONEBIT_UNCHECKED
     onebit_status status = onebit_check(config);
     if (status != ONEBIT_OK) {
         return status;
     }
-    if (agent == NULL || links == NULL) {
+#endif
+    if (config == NULL || agent == NULL || estimates == NULL) {
         return ONEBIT_NULL;
     }
-    for (unsigned k = 0; estimates != NULL && k < config->neighbour_count; ++k) {
-        if (!(estimates[k] <= config->bound && estimates[k] >= -config->bound)) {
+    for (unsigned k = 0; initial != NULL && k < config->neighbour_count; ++k) {
+        if (!(initial[k] <= config->bound && initial[k] >= -config->bound)) {
             return ONEBIT_ESTIMATE;
         }
     }
     for (unsigned k = 0; k < config->neighbour_count; ++k) {
-        links[k] = (onebit_link){estimates != NULL ? estimates[k] : 0, 0};
+        estimates[k] = (onebit_estimate){initial != NULL ? initial[k] : 0, 0};
     }
-    *agent = (onebit_agent){.links = links, .clock = config->start};
+    *agent = (onebit_agent){.estimates = estimates, .clock = config->start};
     return onebit_advance(config, agent, 1);
+}
+
+/* ONEBIT_OK if a verb can work with the two. */
+static onebit_status usable(const onebit_config *config, const onebit_agent *agent)
+{
+    if (config == NULL || agent == NULL) {
+        return ONEBIT_NULL;
+    }
+    return agent->estimates == NULL ? ONEBIT_NOT_STARTED : ONEBIT_OK;
 }
 
 /* K2 x / sigma. */
@@ -125,96 +62,158 @@ static onebit_real compressed(const onebit_config *config, const onebit_real *x)
     return onebit_dot(config->compression, x, config->state_count, COMPRESSION_SHIFT(config));
 }
 
-onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, uint32_t word,
-                            bool *bit)
+onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, unsigned k,
+                            uint32_t word, bool *bit)
 {
     if (config == NULL || x == NULL || bit == NULL) {
         return ONEBIT_NULL;
+    }
+    if (k >= onebit_message_count(config)) {
+        return ONEBIT_MESSAGE;
     }
     onebit_real z = compressed(config, x);
     if (!onebit_finite(z)) {
         return ONEBIT_STATE;
     }
-    *bit = (onebit_probability)(word >> 1) < onebit_distribution(config->threshold, z);
+    bool by_link = config->format.mode == ONEBIT_MODE_LINK && config->sent_thresholds != NULL;
+    onebit_real threshold = by_link ? config->sent_thresholds[k] : config->threshold;
+    *bit = (onebit_probability)(word >> 1) < onebit_distribution(threshold, z);
     return ONEBIT_OK;
 }
 
-/* A frame's code on its way out: from ONEBIT_UNKNOWN on it moves its counter. */
+onebit_status onebit_send_message(const onebit_config *config, onebit_agent *agent,
+                                  const onebit_real *x, unsigned k, onebit_message *message)
+{
+    onebit_status status = usable(config, agent);
+    if (status != ONEBIT_OK) {
+        return status;
+    }
+    if (message == NULL) {
+        return ONEBIT_NULL;
+    }
+    bool link_mode = config->format.mode == ONEBIT_MODE_LINK;
+    uint32_t link = link_mode ? config->first_link + k : config->agent;
+    uint32_t word = onebit_random_word(config->seed, config->run, link, agent->clock);
+    bool bit;
+    status = onebit_encode(config, x, k, word, &bit);
+    if (status == ONEBIT_OK) {
+        *message = (onebit_message){.sender = config->agent,
+                                    .receiver = link_mode ? config->neighbours[k] : 0,
+                                    .step = (uint8_t)(agent->clock % ONEBIT_STEP_MODULUS),
+                                    .has_step = true,
+                                    .bit = bit};
+    }
+    return status;
+}
+
+onebit_status onebit_send(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
+                          unsigned k, onebit_frame *frame)
+{
+    onebit_message message;
+    onebit_status status = onebit_send_message(config, agent, x, k, &message);
+    return status == ONEBIT_OK ? onebit_frame_encode(&config->format, &message, frame) : status;
+}
+
+/* A frame's code on its way out: from ONEBIT_REFUSED_FIRST on it moves its counter. */
 static onebit_status counted(onebit_agent *agent, onebit_status status)
 {
-    if (status >= ONEBIT_UNKNOWN && agent->refused[status - ONEBIT_UNKNOWN] != UINT16_MAX) {
-        ++agent->refused[status - ONEBIT_UNKNOWN];
+    if (status >= ONEBIT_REFUSED_FIRST &&
+        agent->refused[status - ONEBIT_REFUSED_FIRST] != UINT16_MAX) {
+        ++agent->refused[status - ONEBIT_REFUSED_FIRST];
     }
     return status;
 }
 
 /* onebit_receive_message without its counters. */
 static onebit_status take(const onebit_config *config, onebit_agent *agent,
-                          const onebit_message *message)
+                          const onebit_message *message, uint32_t linked)
 {
-    if (config->format.mode == ONEBIT_LINK && message->receiver != config->agent) {
-        return ONEBIT_UNKNOWN;
+    if (config->format.mode == ONEBIT_MODE_LINK && message->receiver != config->agent) {
+        return ONEBIT_REFUSED_UNKNOWN;
     }
     unsigned k = 0;
     while (k < config->neighbour_count && config->neighbours[k] != message->sender) {
         ++k;
     }
     if (k == config->neighbour_count) {
-        return ONEBIT_UNKNOWN;
+        return ONEBIT_REFUSED_UNKNOWN;
+    }
+    uint32_t own = (uint32_t)1 << k;
+    if ((linked & own) == 0) {
+        return ONEBIT_REFUSED_UNLINKED;
     }
     uint32_t error = message->has_step ? (message->step - agent->clock) % ONEBIT_STEP_MODULUS : 0;
     if (error != 0) {
-        return error >= STALE_FROM ? ONEBIT_STALE : ONEBIT_EARLY;
+        return error >= STALE_FROM ? ONEBIT_REFUSED_STALE : ONEBIT_REFUSED_EARLY;
     }
-    if (agent->heard >> k & 1u) {
-        return ONEBIT_REPEATED;
+    if ((agent->heard & own) != 0) {
+        return ONEBIT_REFUSED_REPEATED;
     }
-    agent->heard |= (uint32_t)1 << k;
-    onebit_estimate(&agent->links[k], agent->gain, config->threshold, config->bound, message->bit);
+    agent->heard |= own;
+    const onebit_real *thresholds = config->heard_thresholds;
+    onebit_update(&agent->estimates[k], agent->gain,
+                  thresholds != NULL ? thresholds[k] : config->threshold, config->bound,
+                  message->bit);
     return ONEBIT_OK;
 }
 
 onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *agent,
-                                     const onebit_message *message)
+                                     const onebit_message *message, uint32_t linked)
 {
-    if (config == NULL || agent == NULL || message == NULL) {
-        return ONEBIT_NULL;
+    onebit_status status = usable(config, agent);
+    if (status != ONEBIT_OK) {
+        return status;
     }
-    return counted(agent, take(config, agent, message));
+    return message == NULL ? ONEBIT_NULL : counted(agent, take(config, agent, message, linked));
 }
 
 onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
-                             const onebit_frame *frame)
+                             const onebit_frame *frame, uint32_t linked, onebit_message *message)
 {
-    if (config == NULL || agent == NULL) {
-        return ONEBIT_NULL;
+    onebit_status status = usable(config, agent);
+    if (status != ONEBIT_OK) {
+        return status;
     }
-    onebit_message message;
-    onebit_status status = onebit_frame_decode(&config->format, frame, &message);
-    return counted(agent, status != ONEBIT_OK ? status : take(config, agent, &message));
+    onebit_message decoded;
+    status = onebit_frame_decode(&config->format, frame, &decoded);
+    if (status == ONEBIT_OK) {
+        status = take(config, agent, &decoded, linked);
+        if (message != NULL) {
+            *message = decoded;
+        }
+    }
+    return counted(agent, status);
 }
 
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
-                             onebit_real *u)
+                             uint32_t linked, onebit_real *u)
 {
-    if (config == NULL || agent == NULL || x == NULL || u == NULL) {
+    onebit_status status = usable(config, agent);
+    if (status != ONEBIT_OK) {
+        return status;
+    }
+    if (x == NULL || u == NULL) {
         return ONEBIT_NULL;
     }
     onebit_real z = compressed(config, x);
     onebit_sum sum = 0;
-    const onebit_link *link = agent->links;
-    for (uint32_t heard = agent->heard; heard != 0; heard >>= 1, ++link) {
-        if (heard & 1u) {
-            sum += (onebit_sum)link->estimate - z;
+    /* To neighbour_count and not to the last bit, which a fault in memory may have set. */
+    linked &= agent->heard;
+    for (unsigned k = 0; k < config->neighbour_count; ++k, linked >>= 1) {
+        if (linked & 1u) {
+            sum += (onebit_sum)agent->estimates[k].value - z;
         }
     }
     onebit_real stabilizing =
         onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
-    uint32_t next = agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
+    uint32_t next = agent->wrapped || agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
     onebit_real control = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next),
                                          sum, CONSENSUS_SHIFT(config));
     if (!onebit_finite(control)) {
         return ONEBIT_STATE;
+    }
+    if (onebit_at_end(z) || onebit_at_end(stabilizing) || onebit_at_end(control)) {
+        agent->saturated = (uint16_t)(agent->saturated + (agent->saturated != UINT16_MAX));
     }
     *u = control;
     return onebit_advance(config, agent, 1);
@@ -222,20 +221,28 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
 
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
 {
-    if (config == NULL || agent == NULL) {
-        return ONEBIT_NULL;
+    onebit_status status = usable(config, agent);
+    if (status != ONEBIT_OK) {
+        return status;
     }
+    /*
+     * t is the clock with `wrapped` before its highest bit: 33 bits, of which the first stays 1.
+     * The clock itself runs on, so that neither residues nor random words repeat soon.
+     */
     uint32_t clock = agent->clock + (uint32_t)steps;
+    bool wrapped = agent->wrapped;
     if (steps < 0) {
-        if (clock > agent->clock || clock <= config->start) {
+        bool below = clock > agent->clock;
+        if ((below && !wrapped) || (below == wrapped && clock <= config->start)) {
             return ONEBIT_CLOCK;
         }
+        wrapped = wrapped && !below;
     } else if (clock < agent->clock) {
-        /* After 2^32 - 1 comes 2^32 - 128: residues run on, gains stay where they are. */
-        clock |= 0u - ONEBIT_STEP_MODULUS;
+        wrapped = true;
     }
     agent->clock = clock;
+    agent->wrapped = wrapped;
     agent->heard = 0;
-    agent->gain = onebit_gain_at(config->estimator_gain, clock);
+    agent->gain = onebit_gain_at(config->estimator_gain, wrapped ? UINT32_MAX : clock);
     return ONEBIT_OK;
 }

@@ -1,6 +1,7 @@
 /*
  * The projected recursive estimator of one neighbour's compressed state (paper, equation for
  * zhat_ij(t) in Algorithm 1, step 2.1), in units of the noise: one text for all arithmetics.
+ * Private to the library.
  */
 #ifndef ONEBIT_ESTIMATOR_H
 #define ONEBIT_ESTIMATOR_H
@@ -11,14 +12,14 @@
  * Projection on [-bound, bound]; nearest point, so it never widens a distance. It clears the carry:
  * what was rounded away belongs to a place that has been left.
  */
-static inline void onebit_project(onebit_link *link, onebit_real bound)
+static inline void onebit_project(onebit_estimate *estimate, onebit_real bound)
 {
-    if (link->estimate > bound) {
-        link->estimate = bound;
-        link->carry = 0;
-    } else if (link->estimate < -bound) {
-        link->estimate = -bound;
-        link->carry = 0;
+    if (estimate->value > bound) {
+        estimate->value = bound;
+        estimate->carry = 0;
+    } else if (estimate->value < -bound) {
+        estimate->value = -bound;
+        estimate->carry = 0;
     }
 }
 
@@ -26,11 +27,11 @@ static inline void onebit_project(onebit_link *link, onebit_real bound)
  * zhat(t) = project(zhat(t-1) + gain (F(threshold - zhat(t-1)) - bit)), gain = (beta/sigma)/t.
  * |threshold| + bound <= 4 and |zhat| <= bound (onebit_check, onebit_start). Reentrant; one CDF.
  */
-static inline void onebit_estimate(onebit_link *link, onebit_gain gain, onebit_real threshold,
-                                   onebit_real bound, bool bit)
+static inline void onebit_update(onebit_estimate *estimate, onebit_gain gain, onebit_real threshold,
+                                 onebit_real bound, bool bit)
 {
-    onebit_accumulate(link, gain, onebit_innovation(threshold - link->estimate, bit));
-    onebit_project(link, bound);
+    onebit_accumulate(estimate, gain, onebit_innovation(threshold - estimate->value, bit));
+    onebit_project(estimate, bound);
 }
 
 #endif

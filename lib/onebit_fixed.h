@@ -9,36 +9,13 @@
 
 #include "onebit_cdf.h"
 #include "onebit_processor.h"
+#include "onebit_types.h"
 
 #include <stdbool.h>
 #include <stdint.h>
 
-typedef int32_t onebit_real;
-#define ONEBIT_REAL(number) ((onebit_real)((number)*134217728.0)) /* into Q4.27 */
-
-/* A positive constant with its own format: value * 2^-fraction_bits. */
-typedef struct onebit_coefficient {
-    uint32_t value;
-    int8_t fraction_bits; /* -16..62 */
-} onebit_coefficient;
-
-/* A coefficient over t: mantissa * 2^-exponent, 2^15 <= mantissa < 2^16. */
-typedef struct onebit_gain {
-    uint16_t mantissa;
-    int16_t exponent;
-} onebit_gain;
-
 typedef int64_t onebit_sum;
 typedef uint32_t onebit_probability; /* Q0.31 */
-
-/*
- * One neighbour's estimate in Q4.27, and in `carry` the 32 bits that follow it: together Q4.59.
- * Without them a step that shrinks as 1/t meets rounding that does not, and the estimate drifts.
- */
-typedef struct onebit_link {
-    int32_t estimate;
-    uint32_t carry;
-} onebit_link;
 
 /*
  * F(threshold - z) for any z: it is brought within the CDF's table first, where the difference does
@@ -89,15 +66,14 @@ static inline int32_t onebit_rescale(int64_t value, int shift)
 
 static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
 {
-    return coefficient.value != 0 && coefficient.fraction_bits >= -16 &&
-           coefficient.fraction_bits <= 62;
+    return coefficient.value >> 31 != 0 && coefficient.fraction_bits <= 62;
 }
 
-/* A valid coefficient is at most 2^power, 16 <= power. */
-static inline bool onebit_coefficient_within(onebit_coefficient coefficient, int power)
+/* A valid coefficient is at most 2^power, power < 32. */
+static inline bool onebit_coefficient_within(onebit_coefficient coefficient, unsigned power)
 {
-    int places = coefficient.fraction_bits + power;
-    return places > 31 || coefficient.value <= (uint32_t)1 << places;
+    unsigned places = coefficient.fraction_bits + power;
+    return places > 31 || (places == 31 && coefficient.value == 0x80000000u);
 }
 
 /* A row is valid when its entries' magnitudes add to less than 2^31: see onebit_dot. */
@@ -114,20 +90,29 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
     return true;
 }
 
+/* Whether a number stands at an end of its range, as one does that was saturated. */
+static inline bool onebit_at_end(onebit_real value)
+{
+    return (uint32_t)value - (uint32_t)INT32_MAX <= 1u;
+}
+
+static inline bool onebit_gain_valid(onebit_gain gain, onebit_gain expected)
+{
+    return gain.mantissa == expected.mantissa && gain.places == expected.places;
+}
+
 /* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
 static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
 {
-    unsigned dividend_places = onebit_leading_zeros(coefficient.value);
     unsigned divisor_places = onebit_leading_zeros(t);
-    uint32_t dividend = coefficient.value << dividend_places;
     uint32_t divisor = t << divisor_places;
-    int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places +
-                   (dividend < divisor);
+    int places = 2 + coefficient.fraction_bits - (int)divisor_places +
+                 (coefficient.value < divisor);
 
     /* 17 bits, of which the last one rounds, and may round up to 2^16. */
-    uint32_t mantissa = (onebit_quotient(dividend, divisor) + 1u) >> 1;
+    uint32_t mantissa = (onebit_quotient(coefficient.value, divisor) + 1u) >> 1;
     uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER);
-    onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(exponent - (int)excess)};
+    onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(places - (int)excess)};
     return gain;
 }
 
@@ -137,16 +122,16 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
  * beyond 8 units of noise saturates there: twice the largest bound, so that the projection still
  * finds it outside or 2^-27 beside it.
  */
-static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_t innovation)
+static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain, int32_t innovation)
 {
     uint32_t fraction;
     int32_t product = onebit_scaled_signed(innovation, gain.mantissa);
 
-    /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^(places + 1). */
-    int places = gain.exponent - 13;
+    /* Q0.31 times 2^(3 - places) into Q4.27: the step is product / 2^(places + 1). */
+    int places = gain.places;
     if ((unsigned)places > 31u) { /* one comparison for both ends, which are rare */
         if (places < 0) {
-            /* Gains up to 2^16 (onebit_check) have exponents from -1, so -places is at most 14. */
+            /* Gains up to 2^16 (onebit_check) have places from -14 on. */
             int32_t limit = INT32_MAX >> -places;
             if (product > limit || product < -limit) {
                 product = product < 0 ? -INT32_MAX : INT32_MAX;
@@ -161,8 +146,8 @@ static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_
     }
     /* |step| <= 2^30 added to 2^29 fits, and so does the carry. */
     int32_t step = onebit_shifted(product, (unsigned)places, &fraction);
-    link->carry += fraction;
-    link->estimate += step + (link->carry < fraction);
+    estimate->carry += fraction;
+    estimate->value += step + (estimate->carry < fraction);
 }
 
 /*
@@ -189,7 +174,7 @@ static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain ga
     int64_t upper = onebit_product((int32_t)(sum >> 16), gain.mantissa);
     int64_t product =
         upper * 65536 + (uint32_t)onebit_half((uint32_t)sum, ONEBIT_LOWER) * gain.mantissa;
-    return onebit_saturate((int64_t)stabilizing + onebit_rescale(product, gain.exponent + shift));
+    return onebit_saturate((int64_t)stabilizing + onebit_rescale(product, gain.places + 13 + shift));
 }
 
 #endif

@@ -1,33 +1,32 @@
 /*
  * The primitives of f64 and f32; the same names for q31 stand in onebit_fixed.h. Included by
- * onebit_arithmetic.h only. Compile with -ffp-contract=off: a fused multiply-add would make the
- * carry below wrong, and results differ between processors that have one and those that have not.
+ * onebit_arithmetic.h only. Compiled with -ffp-contract=off: fused multiply-adds do no harm to the
+ * carry below, but results would differ between processors that have them and those that have not.
  */
 #ifndef ONEBIT_FLOATING_H
 #define ONEBIT_FLOATING_H
 
-#include <stdbool.h>
-#include <stdint.h>
+#include "onebit_types.h"
 
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 #include <math.h>
-typedef double onebit_real;
-#define ONEBIT_REAL(number) number
 #else
 #include "onebit_cdf.h"
-typedef float onebit_real;
-#define ONEBIT_REAL(number) number##f
 #endif
 
-typedef onebit_real onebit_coefficient; /* beta / sigma, gamma sigma */
-typedef onebit_real onebit_gain;        /* a coefficient over t */
-typedef onebit_real onebit_sum;         /* of differences between estimates */
+/*
+ * Under -ffast-math and its parts compilers take it that no number is infinite or NaN, so that
+ * states which are not finite are no longer refused, and that sums may be ordered anew, so that the
+ * carry below is gone (measured: 22,807 units of drift in f32 where 7 are normal). gcc defines a
+ * macro for each part of it, clang only for the whole and for -ffinite-math-only.
+ */
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0) ||       \
+    defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
+#error "onebit: compile f64 and f32 without -ffast-math, -Ofast, -ffinite-math-only, \
+-fassociative-math, /fp:fast"
+#endif
 
-/* One neighbour's estimate, in units of the noise, and what rounding has kept from it so far. */
-typedef struct onebit_link {
-    onebit_real estimate;
-    onebit_real carry;
-} onebit_link;
+typedef onebit_real onebit_sum; /* of differences between estimates */
 
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 
@@ -84,8 +83,8 @@ static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
     return onebit_finite(coefficient) && coefficient > 0;
 }
 
-/* A valid coefficient is at most 2^power, power <= 31. */
-static inline bool onebit_coefficient_within(onebit_coefficient coefficient, int power)
+/* A valid coefficient is at most 2^power, 16 <= power < 32. */
+static inline bool onebit_coefficient_within(onebit_coefficient coefficient, unsigned power)
 {
     return coefficient <= (onebit_real)((uint32_t)1 << power);
 }
@@ -101,6 +100,19 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
     return true;
 }
 
+/* Numbers have no end where they saturate: they become infinite, and are refused. */
+static inline bool onebit_at_end(onebit_real value)
+{
+    (void)value;
+    return false;
+}
+
+/* What onebit_gain_at can give. */
+static inline bool onebit_gain_valid(onebit_gain gain, onebit_gain expected)
+{
+    return gain == expected;
+}
+
 static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
 {
     return coefficient / (onebit_real)t;
@@ -110,12 +122,12 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
  * estimate += gain * innovation, keeping what the addition rounds away and adding it next time
  * (Kahan): without it a step that shrinks as 1/t meets rounding that does not.
  */
-static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, onebit_real innovation)
+static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain, onebit_real innovation)
 {
-    onebit_real increment = gain * innovation + link->carry;
-    onebit_real estimate = link->estimate + increment;
-    link->carry = increment - (estimate - link->estimate);
-    link->estimate = estimate;
+    onebit_real increment = gain * innovation + estimate->carry;
+    onebit_real value = estimate->value + increment;
+    estimate->carry = increment - (value - estimate->value);
+    estimate->value = value;
 }
 
 /* row x, the products added in the order of the states; the shift is for fixed point. */

@@ -7,14 +7,21 @@
  *   broadcast, identifier  11 bit: base + 2 sender + bit, base 0x400               0
  *   link, payload          29 bit: 0x10000000 + (sender << 14) + (receiver << 1)   1    t', bit
  *   link, identifier       29 bit: the same + bit                                  0
- *   any: SYNC              11 bit: 0x080 (CANopen, CiA 301)                        0, or 1 ignored
- *   any: stop of all       11 bit: 0x000 (CANopen, CiA 301)                        2    0x02, 0x00
+ *   any: SYNC              11 bit: 0x080 (CANopen, CiA 301)                        1    counter
+ *   any: stop, start       11 bit: 0x000 (CANopen, CiA 301; ports/canopen.h)        2
  *
- * SYNC and stop come from the master, SYNC before every step, stop after the last.
- * Data "t', bit" is one byte: the clock t modulo 128 in bits 7..1, the message bit in bit 0.
+ * SYNC comes from the master before every step. Its counter, 1..128, is that step's t modulo 128,
+ * with 128 for 0; CiA 301 calls 128 the overflow value (object 1019h). SYNC without data is taken
+ * as well and tells no step. Data "t', bit" is one byte: the clock t modulo 128 in bits 7..1, the
+ * message bit in bit 0.
  *
  * The bit is the lowest of the identifier, so that it never decides arbitration between two agents.
- * 11-bit identifiers stay in 0x081..0x7EF, between CANopen's SYNC and its reserved top.
+ * 11-bit identifiers of messages stay in 0x081..0x7EF, between CANopen's SYNC and its reserved top.
+ *
+ * Firmware of one kind of bus may fix the format when the library is compiled, which leaves the
+ * other formats' code out: -DONEBIT_ONLY_MODE=ONEBIT_MODE_BROADCAST (or _LINK) and
+ * -DONEBIT_ONLY_ENCODING=ONEBIT_ENCODING_PAYLOAD (or _IDENTIFIER), together. Every other format is
+ * then not valid.
  */
 #ifndef ONEBIT_FRAME_H
 #define ONEBIT_FRAME_H
@@ -36,15 +43,40 @@ extern "C" {
 /* Steps are numbered modulo 128 on the bus. */
 #define ONEBIT_STEP_MODULUS 128u
 
-enum { ONEBIT_BROADCAST = 0, ONEBIT_LINK = 1 };
-enum { ONEBIT_PAYLOAD = 0, ONEBIT_IN_IDENTIFIER = 1 };
+enum { ONEBIT_MODE_BROADCAST = 0, ONEBIT_MODE_LINK = 1 };
+enum {
+    ONEBIT_ENCODING_PAYLOAD = 0,
+    ONEBIT_ENCODING_IDENTIFIER = 1,
+    ONEBIT_ENCODING_NONE = 2 /* another bus: messages without frames, any agent number */
+};
 
 /* How messages stand on the bus; the same for all agents of a bus. */
 typedef struct onebit_format {
-    uint8_t mode;     /* ONEBIT_BROADCAST or ONEBIT_LINK */
-    uint8_t encoding; /* ONEBIT_PAYLOAD or ONEBIT_IN_IDENTIFIER */
-    uint16_t base;    /* of the 11-bit identifiers; not used in link mode */
+    uint8_t mode;     /* ONEBIT_MODE_.. */
+    uint8_t encoding; /* ONEBIT_ENCODING_.. */
+    uint16_t base;    /* of the 11-bit identifiers, 0x080..0x7EE; not used in link mode */
+    uint16_t sync;    /* identifier of SYNC: 1 to base, so that it wins; link mode: to 0x3FF */
 } onebit_format;
+
+/* The usual formats of each mode and encoding: {mode, encoding, ONEBIT_PAYLOAD_BASE, ..}. */
+#define ONEBIT_FORMAT_BROADCAST_PAYLOAD                                                            \
+    {                                                                                              \
+        ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, ONEBIT_PAYLOAD_BASE,                       \
+            ONEBIT_SYNC_IDENTIFIER                                                                 \
+    }
+#define ONEBIT_FORMAT_BROADCAST_IDENTIFIER                                                         \
+    {                                                                                              \
+        ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, ONEBIT_IDENTIFIER_BASE,                 \
+            ONEBIT_SYNC_IDENTIFIER                                                                 \
+    }
+#define ONEBIT_FORMAT_LINK_PAYLOAD                                                                 \
+    {                                                                                              \
+        ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0, ONEBIT_SYNC_IDENTIFIER                       \
+    }
+#define ONEBIT_FORMAT_LINK_IDENTIFIER                                                              \
+    {                                                                                              \
+        ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0, ONEBIT_SYNC_IDENTIFIER                    \
+    }
 
 typedef struct onebit_message {
     uint32_t sender;   /* from 1 */
@@ -69,9 +101,9 @@ typedef struct onebit_frame {
 } onebit_frame;
 
 /*
- * Largest agent number that the format can carry, 0 if the format itself is not valid (unknown mode
- * or encoding, base that leaves agent 1 no identifier in 0x081..0x7EF). Link mode: 8191, the
- * receiver's 13 bits.
+ * Largest agent number that the format can carry, 0 if it carries no frames or is not valid (mode,
+ * encoding, base that leaves agent 1 no identifier in 0x081..0x7EF, SYNC's identifier out of
+ * range). Link mode: 8191, the receiver's 13 bits.
  */
 uint32_t onebit_frame_agent_limit(const onebit_format *format);
 
@@ -85,17 +117,22 @@ onebit_status onebit_frame_encode(const onebit_format *format, const onebit_mess
 
 /*
  * Reads the message of a frame, whatever bits the frame holds. ONEBIT_NULL; ONEBIT_CONFIG_FORMAT;
- * else, in this order: ONEBIT_ERROR_FRAME, ONEBIT_UNKNOWN (identifier of another kind or range),
- * ONEBIT_REMOTE, ONEBIT_FLEXIBLE, ONEBIT_LENGTH. On refusal *message is untouched.
+ * else, in this order: ONEBIT_REFUSED_ERROR_FRAME, _FOREIGN (identifier of another kind or range),
+ * _REMOTE, _FLEXIBLE, _LENGTH. On refusal *message is untouched.
  */
 onebit_status onebit_frame_decode(const onebit_format *format, const onebit_frame *frame,
                                   onebit_message *message);
 
-/* CANopen's SYNC, which begins every step; frame must not be null. */
-void onebit_frame_sync(onebit_frame *frame);
+/* SYNC for the step of clock t, with its counter. Neither pointer may be null. */
+void onebit_frame_sync(const onebit_format *format, uint32_t t, onebit_frame *frame);
 
-/* True for a classical data frame 0x080 of DLC 0, or 1 (its counter is ignored); false for null. */
-bool onebit_frame_is_sync(const onebit_frame *frame);
+#define ONEBIT_NO_STEP 0xFFu
+
+/*
+ * True for SYNC, a classical data frame of format->sync with DLC 0 or 1; false for null. Then *step
+ * is the t modulo 128 that its counter tells, ONEBIT_NO_STEP if it has none of 1..128.
+ */
+bool onebit_frame_is_sync(const onebit_format *format, const onebit_frame *frame, uint8_t *step);
 
 #ifdef __cplusplus
 }

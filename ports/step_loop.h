@@ -43,9 +43,6 @@ struct step_loop {
     onebit_agent *agent; /* after onebit_start */
     struct transport transport;
     struct plant_hooks plant;
-    uint32_t seed;       /* of the random words; the same in all agents, so that runs repeat */
-    uint32_t first_link; /* link mode: place of the link to the first neighbour, from 1, in the list
-                            of all links by sender, then receiver; broadcast: not used */
     uint64_t period;     /* nanoseconds; 0: not known, then no SYNC comes too soon */
 
     bool stopped; /* by the master, who ended the last step; nothing happens any more */

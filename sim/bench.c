@@ -37,7 +37,7 @@ static double time_bus(enum bus_model model)
     if (bus == NULL) {
         return -1;
     }
-    const onebit_format format = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE};
+    const onebit_format format = ONEBIT_FORMAT_BROADCAST_PAYLOAD;
     double fastest = 0;
     for (int round = 0; round < ROUNDS; ++round) {
         double begun = omp_get_wtime();
@@ -45,7 +45,9 @@ static double time_bus(enum bus_model model)
         double frames = 0;
         uint32_t step = 0;
         do {
-            bus_begin_step(bus);
+            onebit_frame sync;
+            onebit_frame_sync(&format, step, &sync);
+            bus_begin_step(bus, &sync);
             for (uint32_t j = BUS_SENDERS; j >= 1; --j) {
                 onebit_message message = {
                     .sender = j, .step = (uint8_t)(step % ONEBIT_STEP_MODULUS), .bit = j % 3 == 0};
@@ -176,20 +178,20 @@ int main(int argument_count, char **arguments)
     if (!json) {
         puts("            estimator    agent step   edge updates (million/s)   bytes here");
         puts(
-            "            update (ns)  (ns)         broadcast    link          agent  link  config");
+            "            update (ns)  (ns)         broadcast    link          agent  estimate  config");
     }
     for (int k = 0; k < ARITHMETIC_COUNT; ++k) {
         struct agent_times times = agents[k](0.5);
-        scenario.format.mode = ONEBIT_BROADCAST;
+        scenario.format.mode = ONEBIT_MODE_BROADCAST;
         scenario.format.base = ONEBIT_PAYLOAD_BASE;
-        scenario.format.encoding = ONEBIT_PAYLOAD;
+        scenario.format.encoding = ONEBIT_ENCODING_PAYLOAD;
         double broadcast = time_run((enum arithmetic)k, &scenario, &formats);
-        scenario.format.mode = ONEBIT_LINK;
+        scenario.format.mode = ONEBIT_MODE_LINK;
         double link = time_run((enum arithmetic)k, &scenario, &formats);
         if (!json) {
-            printf("%-10s  %-11.2f  %-11.1f  %-11.1f  %-12.1f  %-5zu  %-4zu  %zu\n",
+            printf("%-10s  %-11.2f  %-11.1f  %-11.1f  %-12.1f  %-5zu  %-8zu  %zu\n",
                    arithmetic_names[k], times.update_ns, times.step_ns, broadcast, link,
-                   times.agent_bytes, times.link_bytes, times.config_bytes);
+                   times.agent_bytes, times.estimate_bytes, times.config_bytes);
         }
         cJSON *entry = cJSON_AddObjectToObject(object, arithmetic_names[k]);
         cJSON_AddNumberToObject(entry, "update_ns", times.update_ns);
@@ -197,7 +199,7 @@ int main(int argument_count, char **arguments)
         cJSON_AddNumberToObject(entry, "broadcast_edge_updates", 1e6 * broadcast);
         cJSON_AddNumberToObject(entry, "link_edge_updates", 1e6 * link);
         cJSON_AddNumberToObject(entry, "agent_bytes", (double)times.agent_bytes);
-        cJSON_AddNumberToObject(entry, "link_bytes", (double)times.link_bytes);
+        cJSON_AddNumberToObject(entry, "estimate_bytes", (double)times.estimate_bytes);
         cJSON_AddNumberToObject(entry, "config_bytes", (double)times.config_bytes);
     }
     double ideal = time_bus(BUS_IDEAL);

@@ -18,22 +18,13 @@
 #define FRACTION_BITS 26
 #define ROW_FRACTION_BITS 29
 
-static onebit_coefficient coefficient(double value)
-{
-#if ONEBIT_ARITHMETIC == ONEBIT_Q31
-    onebit_coefficient result = {(uint32_t)(value * 65536.0), 16};
-    return result;
-#else
-    return (onebit_coefficient)value;
-#endif
-}
-
 /* Updates all links again and again with fresh bits; nanoseconds for one. */
 static double time_update(double seconds)
 {
-    onebit_link links[LINKS] = {{0}};
-    onebit_real threshold = real_from_double(THRESHOLD, NOISE_FRACTION_BITS);
-    onebit_real bound = real_from_double(BOUND, NOISE_FRACTION_BITS);
+    static const onebit_coefficient beta = ONEBIT_COEFFICIENT(375.0);
+    onebit_estimate estimates[LINKS] = {{0}};
+    onebit_real threshold = real_from_double(THRESHOLD, ONEBIT_NOISE_FRACTION_BITS);
+    onebit_real bound = real_from_double(BOUND, ONEBIT_NOISE_FRACTION_BITS);
     double fastest = 1e300;
     uint32_t t = 100000;
     for (int round = 0; round < ROUNDS; ++round) {
@@ -41,10 +32,10 @@ static double time_update(double seconds)
         double elapsed;
         double updates = 0;
         do {
-            onebit_gain gain = onebit_gain_at(coefficient(375), t++);
+            onebit_gain gain = onebit_gain_at(beta, t++);
             uint32_t word = onebit_random_word(1, 0, 1, t);
             for (unsigned k = 0; k < LINKS; ++k) {
-                onebit_estimate(&links[k], gain, threshold, bound, (word >> (k % 32u) & 1u) != 0);
+                onebit_update(&estimates[k], gain, threshold, bound, (word >> (k % 32u) & 1u) != 0);
             }
             updates += LINKS;
             elapsed = omp_get_wtime() - begun;
@@ -52,7 +43,7 @@ static double time_update(double seconds)
         fastest = elapsed / updates < fastest ? elapsed / updates : fastest;
     }
     /* Read, so that no compiler leaves the updates out. */
-    volatile onebit_real kept = links[t % LINKS].estimate;
+    volatile onebit_real kept = estimates[t % LINKS].value;
     (void)kept;
     return 1e9 * fastest;
 }
@@ -74,21 +65,20 @@ static double time_step(double seconds)
         .neighbours = neighbours,
         .neighbour_count = NEIGHBOURS,
         .state_count = STATES,
-        .format = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
+        .format = ONEBIT_FORMAT_BROADCAST_PAYLOAD,
         .stabilizing = stabilizing,
         .compression = compression,
-        .threshold = real_from_double(THRESHOLD, NOISE_FRACTION_BITS),
-        .bound = real_from_double(BOUND, NOISE_FRACTION_BITS),
-        .estimator_gain = coefficient(375),
-        .control_gain = coefficient(4),
+        .threshold = real_from_double(THRESHOLD, ONEBIT_NOISE_FRACTION_BITS),
+        .bound = real_from_double(BOUND, ONEBIT_NOISE_FRACTION_BITS),
+        .estimator_gain = ONEBIT_COEFFICIENT(375.0),
+        .control_gain = ONEBIT_COEFFICIENT(4.0),
         .start = 10,
-#if ONEBIT_ARITHMETIC == ONEBIT_Q31
         .fraction_bits = {ROW_FRACTION_BITS, ROW_FRACTION_BITS, FRACTION_BITS, FRACTION_BITS},
-#endif
+        .seed = 1,
     };
     onebit_agent agent;
-    onebit_link links[NEIGHBOURS];
-    if (onebit_start(&config, &agent, links, NULL) != ONEBIT_OK) {
+    onebit_estimate estimates[NEIGHBOURS];
+    if (onebit_start(&config, &agent, estimates, NULL) != ONEBIT_OK) {
         return -1;
     }
     double fastest = 1e300;
@@ -98,19 +88,18 @@ static double time_step(double seconds)
         double steps = 0;
         do {
             for (unsigned repeat = 0; repeat < 32; ++repeat) {
-                uint32_t t = agent.clock;
-                bool bit = false;
+                uint8_t step = (uint8_t)(agent.clock % ONEBIT_STEP_MODULUS);
+                onebit_frame frame = {0};
                 onebit_real u = 0;
-                onebit_encode(&config, x, onebit_random_word(1, 0, 1, t), &bit);
+                onebit_send(&config, &agent, x, 0, &frame);
+                bool bit = (frame.data[0] & 1u) != 0;
                 for (unsigned k = 0; k < NEIGHBOURS; ++k) {
-                    onebit_message message = {.sender = neighbours[k],
-                                              .step = (uint8_t)(t % ONEBIT_STEP_MODULUS),
-                                              .bit = bit != (k == 1)};
-                    onebit_frame frame;
+                    onebit_message message = {
+                        .sender = neighbours[k], .step = step, .bit = bit != (k == 1)};
                     onebit_frame_encode(&config.format, &message, &frame);
-                    onebit_receive(&config, &agent, &frame);
+                    onebit_receive(&config, &agent, &frame, ONEBIT_ALL_LINKED, NULL);
                 }
-                onebit_control(&config, &agent, x, &u);
+                onebit_control(&config, &agent, x, ONEBIT_ALL_LINKED, &u);
             }
             steps += 32;
             elapsed = omp_get_wtime() - begun;
@@ -126,7 +115,7 @@ struct agent_times ONEBIT_NAME(bench_agent)(double seconds)
         .update_ns = time_update(seconds),
         .step_ns = time_step(seconds),
         .agent_bytes = sizeof(onebit_agent),
-        .link_bytes = sizeof(onebit_link),
+        .estimate_bytes = sizeof(onebit_estimate),
         .config_bytes = sizeof(onebit_config),
     };
     return times;

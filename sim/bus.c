@@ -26,8 +26,6 @@ struct bus {
     double period;
     uint32_t capacity;
     struct log_writer *log;
-    onebit_frame sync;
-    uint32_t sync_bits;
 
     uint64_t next_step;    /* the number, from 0, of the step that begins next */
     struct waiting *queue; /* of this step, in the order sent */
@@ -60,8 +58,6 @@ struct bus *bus_create(enum bus_model model, double bitrate, double period, uint
     bus->period = period;
     bus->capacity = capacity;
     bus->log = log;
-    onebit_frame_sync(&bus->sync);
-    bus->sync_bits = wire_bits(&bus->sync);
     /* One more place than asked for: calloc(0) may be null. */
     bus->queue = calloc((size_t)capacity + 1u, sizeof *bus->queue);
     bus->order = calloc((size_t)capacity + 1u, sizeof *bus->order);
@@ -122,7 +118,7 @@ static void finish_step(struct bus *bus)
     bus->next = bus->count;
 }
 
-void bus_begin_step(struct bus *bus)
+void bus_begin_step(struct bus *bus, const onebit_frame *sync)
 {
     finish_step(bus);
     bus->count = 0;
@@ -130,7 +126,7 @@ void bus_begin_step(struct bus *bus)
     uint64_t step = bus->next_step++;
     if (bus->model == BUS_IDEAL) {
         bus->now = (double)step * bus->period;
-        count_frame(bus, &bus->sync, bus->sync_bits, bus->now);
+        count_frame(bus, sync, wire_bits(sync), bus->now);
         return;
     }
     double start = step_start(bus, step);
@@ -139,7 +135,7 @@ void bus_begin_step(struct bus *bus)
     if (bus->free_time < start) {
         bus->free_time = start;
     }
-    if (!transmit(bus, &bus->sync, bus->sync_bits)) {
+    if (!transmit(bus, sync, wire_bits(sync))) {
         bus->traffic.late_frames++;
     }
     bus->ready = bus->free_time;

@@ -40,10 +40,10 @@ struct bus *bus_create(enum bus_model model, double bitrate, double period, uint
 void bus_free(struct bus *bus);
 
 /*
- * Begins the next step: the master's SYNC is sent; the clock of the first step is 0 s. A SYNC that
- * cannot start within its period is withdrawn, and with it all that the step sends.
+ * Begins the next step: the master's `sync` is sent; the clock of the first step is 0 s. A SYNC
+ * that cannot start within its period is withdrawn, and with it all that the step sends.
  */
-void bus_begin_step(struct bus *bus);
+void bus_begin_step(struct bus *bus, const onebit_frame *sync);
 
 /*
  * Sends a frame as soon as this step's SYNC is over. `tag` comes back with it. All of a step's

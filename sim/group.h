@@ -17,20 +17,20 @@
 #define group_write_heading ONEBIT_NAME(group_write_heading)
 #define group_write_row ONEBIT_NAME(group_write_row)
 
-#define NOISE_FRACTION_BITS 27 /* Q4.27, the library's noise units in q31 */
-
 struct group {
     uint32_t agent_count;
     onebit_config *configs; /* neighbours point into the scenario's topology */
     onebit_agent *agents;
-    onebit_link *links; /* links of agent i begin at topology.first_link[i-1] */
+    onebit_estimate *estimates; /* those of agent i begin at topology.first_link[i-1] */
+    bool framed; /* all numbers fit the format; else the agents take messages (onebit_frame.h) */
     onebit_real *rows;  /* K1, then K2 / sigma */
     double sigma;       /* paper's units of one of the library's noise units */
 };
 
-/* Builds and starts all agents of a scenario, which must outlive them. */
+/* Builds and starts all agents of a scenario, which must outlive them, for one run of a seed. */
 bool group_build(struct group *group, const struct scenario *scenario,
-                 const struct formats *formats, struct problem *problem);
+                 const struct formats *formats, uint32_t seed, uint32_t run,
+                 struct problem *problem);
 
 void group_free(struct group *group);
 

@@ -39,28 +39,30 @@ static void end_step(struct state *state, FILE *stream)
         measured[k] = real_from_double(state->x[k], state->formats->state);
     }
     onebit_real control = 0;
-    onebit_control(config, agent, measured, &control);
+    onebit_control(config, agent, measured, ONEBIT_ALL_LINKED, &control);
     double u = double_from_real(control, state->formats->control);
     group_write_row(&state->group, index, state->step, t, u, state->x, stream);
     plant_step(&state->plant, state->x, u);
     ++state->step;
 }
 
-/* Leaves out neighbours that are not linked in this step's graph, as the run did. */
+/* Bit k: neighbour k is linked in this step's graph. */
+static uint32_t linked_mask(const struct state *state, const onebit_config *config)
+{
+    const uint8_t *linked =
+        &state->linked[state->scenario->topology.first_link[config->agent - 1]];
+    uint32_t mask = 0;
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        mask |= (uint32_t)(linked[k] != 0) << k;
+    }
+    return mask;
+}
+
 static void take(struct state *state, const onebit_frame *frame)
 {
     uint32_t index = state->what->agent - 1;
     const onebit_config *config = &state->group.configs[index];
-    onebit_message message;
-    if (onebit_frame_decode(&config->format, frame, &message) == ONEBIT_OK) {
-        for (unsigned k = 0; k < config->neighbour_count; ++k) {
-            if (config->neighbours[k] == message.sender &&
-                !state->linked[state->scenario->topology.first_link[index] + k]) {
-                return;
-            }
-        }
-    }
-    onebit_receive(config, &state->group.agents[index], frame);
+    onebit_receive(config, &state->group.agents[index], frame, linked_mask(state, config), NULL);
 }
 
 bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *formats,
@@ -68,7 +70,7 @@ bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *
                          struct problem *problem)
 {
     struct state state = {.scenario = scenario, .formats = formats, .what = what};
-    if (!group_build(&state.group, scenario, formats, problem)) {
+    if (!group_build(&state.group, scenario, formats, what->seed, what->run, problem)) {
         return false;
     }
     uint32_t n = scenario->state_count;
@@ -79,9 +81,10 @@ bool ONEBIT_NAME(replay)(const struct scenario *scenario, const struct formats *
     group_write_heading(&state.group, what->agent - 1, stream);
 
     onebit_frame frame;
+    uint8_t told;
     int status;
     while ((status = log_reader_next(log, &frame, problem)) > 0) {
-        if (onebit_frame_is_sync(&frame)) {
+        if (onebit_frame_is_sync(&scenario->format, &frame, &told)) {
             if (state.linked != NULL) {
                 end_step(&state, stream);
             }

@@ -631,7 +631,7 @@ static bool read_topology(struct reader *reader, const yaml_node_t *node, const 
 
 static bool read_mode(struct reader *reader, const yaml_node_t *node, const struct field *field)
 {
-    /* In the order of ONEBIT_BROADCAST and ONEBIT_LINK. */
+    /* In the order of ONEBIT_MODE_BROADCAST and ONEBIT_MODE_LINK. */
     return read_choice(reader, node, "broadcast", "link", target(reader, field));
 }
 
@@ -650,11 +650,12 @@ static bool read_model(struct reader *reader, const yaml_node_t *node, const str
 
 static bool read_encoding(struct reader *reader, const yaml_node_t *node, const struct field *field)
 {
-    /* In the order of ONEBIT_PAYLOAD and ONEBIT_IN_IDENTIFIER. */
+    /* In the order of ONEBIT_ENCODING_PAYLOAD and ONEBIT_ENCODING_IDENTIFIER. */
     bool good = read_choice(reader, node, "payload", "identifier", target(reader, field));
     onebit_format *format = &reader->scenario->format;
     format->base =
-        format->encoding == ONEBIT_PAYLOAD ? ONEBIT_PAYLOAD_BASE : ONEBIT_IDENTIFIER_BASE;
+        format->encoding == ONEBIT_ENCODING_PAYLOAD ? ONEBIT_PAYLOAD_BASE : ONEBIT_IDENTIFIER_BASE;
+    format->sync = ONEBIT_SYNC_IDENTIFIER;
     return good;
 }
 
@@ -663,7 +664,7 @@ static bool read_base(struct reader *reader, const yaml_node_t *node, const stru
 {
     (void)field;
     onebit_format *format = &reader->scenario->format;
-    if (format->mode == ONEBIT_LINK) {
+    if (format->mode == ONEBIT_MODE_LINK) {
         return refuse(reader, node, "means nothing in link mode, must be left out");
     }
     const char *text = number_text(node, "0123456789abcdefABCDEFx");
@@ -682,7 +683,7 @@ static bool read_base(struct reader *reader, const yaml_node_t *node, const stru
            refuse(reader, node,
                   "must leave agent 1 an identifier within 0x081..0x7EF (agent 1 is at base + %s), "
                   "not %s",
-                  format->encoding == ONEBIT_PAYLOAD ? "1" : "2 and + 3", see(node).text);
+                  format->encoding == ONEBIT_ENCODING_PAYLOAD ? "1" : "2 and + 3", see(node).text);
 }
 
 static const struct field bus_fields[] = {

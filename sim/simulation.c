@@ -3,7 +3,6 @@
 
 #include "chain.h"
 #include "group.h"
-#include "onebit_random.h"
 #include "plant.h"
 
 #include <stdlib.h>
@@ -21,9 +20,6 @@ struct state {
     onebit_real *measured; /* the same as the agents see them */
     double *average;       /* n: (A + B K1)^k xbar(0) */
     struct chain chain;
-    uint32_t encoded_agents;
-    uint32_t seed;
-    uint32_t run;
 };
 
 static void measure(struct state *state, uint32_t agent_index)
@@ -43,12 +39,13 @@ static bool begin(struct state *state, const struct run *run, struct problem *pr
     const struct topology *topology = state->topology;
     uint32_t n = scenario->state_count;
     size_t entries = (size_t)topology->agent_count * n;
-    if (!group_build(&state->group, scenario, state->formats, problem)) {
+    if (!group_build(&state->group, scenario, state->formats, run->seed, run->number,
+                     problem)) {
         return false;
     }
     plant_build(&state->plant, scenario, state->formats);
     uint32_t frames =
-        scenario->format.mode == ONEBIT_LINK ? topology->link_count : topology->agent_count;
+        scenario->format.mode == ONEBIT_MODE_LINK ? topology->link_count : topology->agent_count;
     state->bus =
         bus_create(scenario->bus_model, scenario->bitrate, scenario->period, frames, run->log);
     state->x = malloc(entries * sizeof *state->x);
@@ -69,9 +66,6 @@ static bool begin(struct state *state, const struct run *run, struct problem *pr
         measure(state, i);
     }
     chain_begin(&state->chain, topology, run->seed, run->number, scenario->t0 + 1u);
-    state->encoded_agents = onebit_frame_agent_limit(&scenario->format);
-    state->seed = run->seed;
-    state->run = run->number;
     return true;
 }
 
@@ -84,65 +78,59 @@ static void end(struct state *state)
     free(state->average);
 }
 
-/* The bit of sender j on a link, with that link's random word; scenarios have finite states. */
-static bool encode(const struct state *state, uint32_t j, uint32_t link, uint32_t t)
-{
-    bool bit = false;
-    onebit_encode(&state->group.configs[j - 1],
-                  &state->measured[(size_t)(j - 1) * state->scenario->state_count],
-                  onebit_random_word(state->seed, state->run, link, t), &bit);
-    return bit;
-}
-
-/* Hands one message on without a frame, where the agents outnumber the identifiers. */
-static void hand_over(struct state *state, uint32_t i, const onebit_message *message)
-{
-    onebit_receive_message(&state->group.configs[i - 1], &state->group.agents[i - 1], message);
-}
-
-/* A sender's bit goes to all its links in broadcast, to one in link mode: [from, to). */
-static void send(struct state *state, uint32_t j, uint32_t from, uint32_t to, uint32_t word_link,
-                 const uint8_t *linked, uint32_t t)
+/*
+ * Message k of sender j; `link` is its first link in the topology. Where the agents outnumber the
+ * identifiers, only those that have one send a frame, and the others' messages are handed over.
+ */
+static void send(struct state *state, uint32_t j, unsigned k, uint32_t link, const uint8_t *linked)
 {
     const struct topology *topology = state->topology;
-    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
-    onebit_message message = {
-        .sender = j,
-        .receiver = link_mode ? topology->link_receiver[from] : 0,
-        .step = (uint8_t)(t % ONEBIT_STEP_MODULUS),
-        .has_step = true,
-        .bit = encode(state, j, word_link, t),
-    };
-    if (j <= state->encoded_agents && message.receiver <= state->encoded_agents) {
-        onebit_frame frame;
-        onebit_frame_encode(&state->scenario->format, &message, &frame);
-        bus_send(state->bus, &frame, from);
+    const onebit_config *config = &state->group.configs[j - 1];
+    onebit_message message;
+    /* Scenarios have finite states, so nothing is refused. */
+    onebit_send_message(config, &state->group.agents[j - 1],
+                        &state->measured[(size_t)(j - 1) * state->scenario->state_count], k,
+                        &message);
+    onebit_frame frame;
+    if (onebit_frame_encode(&state->scenario->format, &message, &frame) == ONEBIT_OK) {
+        bus_send(state->bus, &frame, link);
         return;
     }
-    for (uint32_t link = from; link < to; ++link) {
+    uint32_t last = message.receiver != 0 ? link + 1u : topology->first_link[j];
+    for (; link < last; ++link) {
         if (linked[link]) {
-            hand_over(state, topology->link_receiver[link], &message);
+            uint32_t i = topology->link_receiver[link];
+            onebit_receive_message(&state->group.configs[i - 1], &state->group.agents[i - 1],
+                                   &message, ONEBIT_ALL_LINKED);
         }
     }
 }
 
 /* All agents send. */
-static void send_all(struct state *state, const uint8_t *linked, uint32_t t)
+static void send_all(struct state *state, const uint8_t *linked)
 {
     const struct topology *topology = state->topology;
-    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
+    bool link_mode = state->scenario->format.mode == ONEBIT_MODE_LINK;
     for (uint32_t j = 1; j <= topology->agent_count; ++j) {
         uint32_t first = topology->first_link[j - 1];
-        uint32_t last = topology->first_link[j];
-        if (!link_mode) {
-            send(state, j, first, last, j, linked, t);
-            continue;
-        }
-        for (uint32_t link = first; link < last; ++link) {
-            if (linked[link]) {
-                send(state, j, link, link + 1, link + 1, linked, t);
+        uint32_t count = onebit_message_count(&state->group.configs[j - 1]);
+        for (uint32_t k = 0; k < count; ++k) {
+            if (!link_mode || linked[first + k]) {
+                send(state, j, k, first + k, linked);
             }
         }
+    }
+}
+
+static void receive(struct state *state, uint32_t i, const onebit_frame *frame)
+{
+    const onebit_config *config = &state->group.configs[i - 1];
+    onebit_agent *agent = &state->group.agents[i - 1];
+    onebit_message message;
+    if (state->group.framed) {
+        onebit_receive(config, agent, frame, ONEBIT_ALL_LINKED, NULL);
+    } else if (onebit_frame_decode(&state->scenario->format, frame, &message) == ONEBIT_OK) {
+        onebit_receive_message(config, agent, &message, ONEBIT_ALL_LINKED);
     }
 }
 
@@ -150,15 +138,14 @@ static void send_all(struct state *state, const uint8_t *linked, uint32_t t)
 static void receive_all(struct state *state, const uint8_t *linked)
 {
     const struct topology *topology = state->topology;
-    bool link_mode = state->scenario->format.mode == ONEBIT_LINK;
+    bool link_mode = state->scenario->format.mode == ONEBIT_MODE_LINK;
     const onebit_frame *frame;
     uint32_t first;
     while (bus_receive(state->bus, &frame, &first)) {
         uint32_t last = link_mode ? first + 1 : topology->first_link[topology->link_sender[first]];
         for (uint32_t link = first; link < last; ++link) {
             if (linked[link]) {
-                uint32_t i = topology->link_receiver[link];
-                onebit_receive(&state->group.configs[i - 1], &state->group.agents[i - 1], frame);
+                receive(state, topology->link_receiver[link], frame);
             }
         }
     }
@@ -171,7 +158,7 @@ static void control_all(struct state *state)
     for (uint32_t i = 0; i < state->group.agent_count; ++i) {
         onebit_real u = 0;
         onebit_control(&state->group.configs[i], &state->group.agents[i],
-                       &state->measured[(size_t)i * n], &u);
+                       &state->measured[(size_t)i * n], ONEBIT_ALL_LINKED, &u);
         plant_step(&state->plant, &state->x[(size_t)i * n],
                    double_from_real(u, state->formats->control));
         measure(state, i);
@@ -230,8 +217,8 @@ static struct sample sample(const struct state *state)
         for (uint32_t k = 0; k < n; ++k) {
             z += scenario->compression[k] * x[k];
         }
-        double error = scenario->sigma * double_from_real(state->group.links[link].estimate,
-                                                          NOISE_FRACTION_BITS) -
+        double error = scenario->sigma * double_from_real(state->group.estimates[link].value,
+                                                          ONEBIT_NOISE_FRACTION_BITS) -
                        z;
         result.estimate_mse += error * error / (double)topology->link_count;
     }
@@ -244,8 +231,10 @@ static void step(struct state *state, uint32_t completed)
     uint32_t t = state->scenario->t0 + 1u + completed;
     uint32_t graph = chain_graph(&state->chain, t);
     const uint8_t *linked = &topology->linked[(size_t)graph * topology->link_count];
-    bus_begin_step(state->bus);
-    send_all(state, linked, t);
+    onebit_frame sync;
+    onebit_frame_sync(&state->scenario->format, t, &sync);
+    bus_begin_step(state->bus, &sync);
+    send_all(state, linked);
     receive_all(state, linked);
     control_all(state);
     move_average(state);

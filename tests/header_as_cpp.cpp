@@ -17,9 +17,9 @@ int main()
 
     const uint32_t neighbours[] = {2};
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
-    const onebit_real one[] = {ONEBIT_FIXED(1, 27)};
+    const onebit_real one[] = {ONEBIT_REAL(1, 27)};
     const onebit_coefficient gain = {10, 0};
-    const onebit_real half = ONEBIT_FIXED(0.5, 27);
+    const onebit_real half = ONEBIT_REAL(0.5, 27);
 #else
     const onebit_real one[] = {1};
     const onebit_coefficient gain = 10;
@@ -38,7 +38,7 @@ int main()
     config.control_gain = gain;
     config.start = 10;
     onebit_agent agent;
-    onebit_link links[1];
+    onebit_estimate links[1];
     if (onebit_start(&config, &agent, links, nullptr) != ONEBIT_OK) {
         return 3;
     }

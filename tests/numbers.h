@@ -122,7 +122,7 @@ static inline double gain_value(onebit_gain gain)
 }
 
 /* With the carry: 2^-59 is exact in a double below 2^-6, and to 2^-51 up to 4. */
-static inline double link_value(const onebit_link *link)
+static inline double link_value(const onebit_estimate *link)
 {
     return ldexp((double)link->estimate, -27) + ldexp((double)link->carry, -59);
 }
@@ -168,7 +168,7 @@ static inline double gain_value(onebit_gain gain)
     return (double)gain;
 }
 
-static inline double link_value(const onebit_link *link)
+static inline double link_value(const onebit_estimate *link)
 {
     return (double)link->estimate + (double)link->carry;
 }

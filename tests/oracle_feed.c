@@ -37,7 +37,7 @@ static int feed(const struct scenario *scenario, const struct formats *formats, 
 {
     const struct topology *topology = &scenario->topology;
     uint32_t n = scenario->state_count;
-    uint32_t link_mode = scenario->format.mode == ONEBIT_LINK;
+    uint32_t link_mode = scenario->format.mode == ONEBIT_MODE_LINK;
     size_t state_entries = (size_t)topology->agent_count * n;
     double *x = malloc(state_entries * sizeof *x);
     uint8_t *bits = malloc(topology->link_count);
@@ -68,8 +68,8 @@ static int feed(const struct scenario *scenario, const struct formats *formats, 
         }
         for (uint32_t link = 0; link < topology->link_count; ++link) {
             believed[link] =
-                scenario->sigma * double_from_real(group->links[link_back(topology, link)].estimate,
-                                                   NOISE_FRACTION_BITS);
+                scenario->sigma * double_from_real(group->estimates[link_back(topology, link)].value,
+                                                   ONEBIT_NOISE_FRACTION_BITS);
         }
         for (uint32_t i = 0; i < topology->agent_count; ++i) {
             onebit_real measured[ONEBIT_STATES_MAX];

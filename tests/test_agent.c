@@ -38,7 +38,7 @@ static onebit_config config;
 /* Agent and links as one piece of memory, to be compared as a whole. */
 static struct memory {
     onebit_agent agent;
-    onebit_link links[ONEBIT_NEIGHBOURS_MAX];
+    onebit_estimate links[ONEBIT_NEIGHBOURS_MAX];
 } memory;
 
 /* Agent 4 with neighbours 2, 5, 9 and three states, in payload form; a step of the estimator is
@@ -139,8 +139,8 @@ static void test_check_takes_a_sound_configuration(void)
     WITH(agent, UINT32_MAX, ONEBIT_OK); /* unlike a frame, a message can have any number */
     WITH(start, 1, ONEBIT_OK);
     WITH(start, UINT32_MAX - 1u, ONEBIT_OK);
-    WITH(format.mode, ONEBIT_LINK, ONEBIT_OK);
-    WITH(format.encoding, ONEBIT_IN_IDENTIFIER, ONEBIT_OK);
+    WITH(format.mode, ONEBIT_MODE_LINK, ONEBIT_OK);
+    WITH(format.encoding, ONEBIT_ENCODING_IDENTIFIER, ONEBIT_OK);
     WITH(state_count, ONEBIT_STATES_MAX, ONEBIT_OK);
 }
 
@@ -300,15 +300,15 @@ static void test_start(void)
         TEST_ASSERT_EQUAL_UINT16(0, memory.agent.refused[k]);
     }
     for (unsigned k = 0; k < NEIGHBOURS; ++k) {
-        TEST_ASSERT_TRUE(memory.links[k].estimate == estimates[k] && memory.links[k].carry == 0);
+        TEST_ASSERT_TRUE(memory.estimates[k].value == estimates[k] && memory.estimates[k].carry == 0);
     }
     /* Links beyond neighbour_count are not the agent's. */
     TEST_ASSERT_EACH_EQUAL_HEX8(0xA5, &memory.links[NEIGHBOURS],
-                                (ONEBIT_NEIGHBOURS_MAX - NEIGHBOURS) * sizeof(onebit_link));
+                                (ONEBIT_NEIGHBOURS_MAX - NEIGHBOURS) * sizeof(onebit_estimate));
 
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &memory.agent, memory.links, NULL));
     for (unsigned k = 0; k < NEIGHBOURS; ++k) {
-        TEST_ASSERT_TRUE(memory.links[k].estimate == 0 && memory.links[k].carry == 0);
+        TEST_ASSERT_TRUE(memory.estimates[k].value == 0 && memory.estimates[k].carry == 0);
     }
 }
 
@@ -507,7 +507,7 @@ static void check_refused(const onebit_frame *frame, onebit_status expected)
     struct memory wanted;
     memcpy(&wanted, &memory, sizeof memory);
     TEST_ASSERT_EQUAL(expected, onebit_receive(&config, &memory.agent, frame));
-    ++wanted.agent.refused[expected - ONEBIT_UNKNOWN];
+    ++wanted.agent.refused[expected - ONEBIT_REFUSED_UNKNOWN];
     TEST_ASSERT_EQUAL_MEMORY(&wanted, &memory, sizeof memory);
 }
 
@@ -533,7 +533,7 @@ static void test_receive_updates_one_link(void)
         tolerance += ROUNDING * gain * fabs(innovation);
 #endif
         TEST_ASSERT_DOUBLE_WITHIN(tolerance, gain * innovation,
-                                  value_of(memory.links[places[k]].estimate));
+                                  value_of(memory.estimates[places[k]].value));
         wanted.links[places[k]] = memory.links[places[k]];
         wanted.agent.heard |= (uint32_t)1 << places[k];
         TEST_ASSERT_EQUAL_MEMORY(&wanted, &memory, sizeof memory);
@@ -546,11 +546,11 @@ static void test_receive_unknown(void)
     static const uint32_t strangers[] = {1, 3, OWN, 6, 8, 10, 1775};
     for (unsigned k = 0; k < sizeof strangers / sizeof *strangers; ++k) {
         onebit_frame frame = frame_from(strangers[k], true);
-        check_refused(&frame, ONEBIT_UNKNOWN);
+        check_refused(&frame, ONEBIT_REFUSED_UNKNOWN);
     }
     onebit_frame sync;
     onebit_frame_sync(&sync);
-    check_refused(&sync, ONEBIT_UNKNOWN);
+    check_refused(&sync, ONEBIT_REFUSED_UNKNOWN);
     TEST_ASSERT_EQUAL_UINT16(8, memory.agent.refused[0]);
 }
 
@@ -558,22 +558,22 @@ static void test_receive_wrong_kinds(void)
 {
     onebit_frame frame = frame_from(5, true);
     frame.flags = ONEBIT_FRAME_REMOTE;
-    check_refused(&frame, ONEBIT_REMOTE);
+    check_refused(&frame, ONEBIT_REFUSED_REMOTE);
     frame.flags = ONEBIT_FRAME_ERROR;
-    check_refused(&frame, ONEBIT_ERROR_FRAME);
+    check_refused(&frame, ONEBIT_REFUSED_ERROR_FRAME);
     frame.flags = ONEBIT_FRAME_FLEXIBLE;
-    check_refused(&frame, ONEBIT_FLEXIBLE);
+    check_refused(&frame, ONEBIT_REFUSED_FLEXIBLE);
     frame.flags = ONEBIT_FRAME_EXTENDED;
-    check_refused(&frame, ONEBIT_UNKNOWN);
+    check_refused(&frame, ONEBIT_REFUSED_UNKNOWN);
     frame.flags = 0;
     frame.length = 0;
-    check_refused(&frame, ONEBIT_LENGTH);
+    check_refused(&frame, ONEBIT_REFUSED_LENGTH);
     frame.length = 2;
-    check_refused(&frame, ONEBIT_LENGTH);
+    check_refused(&frame, ONEBIT_REFUSED_LENGTH);
     /* Each has its own counter, in the order of the codes. */
     static const uint16_t counters[ONEBIT_REFUSALS] = {1, 0, 0, 0, 2, 1, 1, 1};
     TEST_ASSERT_EQUAL_UINT16_ARRAY(counters, memory.agent.refused, ONEBIT_REFUSALS);
-    TEST_ASSERT_EQUAL(ONEBIT_FLEXIBLE, ONEBIT_UNKNOWN + ONEBIT_REFUSALS - 1);
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_FLEXIBLE, ONEBIT_REFUSED_UNKNOWN + ONEBIT_REFUSALS - 1);
 }
 
 /* Second bit of a sender in a step: the first wins, whatever the second says. */
@@ -581,9 +581,9 @@ static void test_receive_repeated(void)
 {
     receive(5, true);
     onebit_frame same = frame_from(5, true);
-    check_refused(&same, ONEBIT_REPEATED);
+    check_refused(&same, ONEBIT_REFUSED_REPEATED);
     onebit_frame other = frame_from(5, false);
-    check_refused(&other, ONEBIT_REPEATED);
+    check_refused(&other, ONEBIT_REFUSED_REPEATED);
     receive(9, false); /* another sender is not concerned */
     /* In the next step it is heard again. */
     onebit_real x[STATES] = {0, 0, 0};
@@ -605,10 +605,10 @@ static void test_receive_every_residue(void)
             message.step = (uint8_t)((message.step + error) % 128u);
             onebit_frame frame;
             TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_frame_encode(&config.format, &message, &frame));
-            check_refused(&frame, error <= 63 ? ONEBIT_EARLY : ONEBIT_STALE);
+            check_refused(&frame, error <= 63 ? ONEBIT_REFUSED_EARLY : ONEBIT_REFUSED_STALE);
         }
-        TEST_ASSERT_EQUAL_UINT16(64, memory.agent.refused[ONEBIT_STALE - ONEBIT_UNKNOWN]);
-        TEST_ASSERT_EQUAL_UINT16(63, memory.agent.refused[ONEBIT_EARLY - ONEBIT_UNKNOWN]);
+        TEST_ASSERT_EQUAL_UINT16(64, memory.agent.refused[ONEBIT_REFUSED_STALE - ONEBIT_REFUSED_UNKNOWN]);
+        TEST_ASSERT_EQUAL_UINT16(63, memory.agent.refused[ONEBIT_REFUSED_EARLY - ONEBIT_REFUSED_UNKNOWN]);
         receive(5, true);
     }
 }
@@ -621,12 +621,12 @@ static void test_receive_stale_after_heard(void)
     message.step = (uint8_t)(message.step - 1);
     onebit_frame frame;
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_frame_encode(&config.format, &message, &frame));
-    check_refused(&frame, ONEBIT_STALE);
+    check_refused(&frame, ONEBIT_REFUSED_STALE);
 }
 
 static void test_identifier_form_has_no_step(void)
 {
-    config.format.encoding = ONEBIT_IN_IDENTIFIER;
+    config.format.encoding = ONEBIT_ENCODING_IDENTIFIER;
     config.format.base = ONEBIT_IDENTIFIER_BASE;
     onebit_message message = message_from(5, true);
     message.step = (uint8_t)(message.step + 77);
@@ -634,18 +634,18 @@ static void test_identifier_form_has_no_step(void)
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_frame_encode(&config.format, &message, &frame));
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive(&config, &memory.agent, &frame));
     TEST_ASSERT_EQUAL_HEX32(2, memory.agent.heard);
-    TEST_ASSERT_TRUE(memory.links[1].estimate < 0);
-    check_refused(&frame, ONEBIT_REPEATED);
+    TEST_ASSERT_TRUE(memory.estimates[1].value < 0);
+    check_refused(&frame, ONEBIT_REFUSED_REPEATED);
     frame.identifier = 0x400 + 2 * 9; /* agent 9, bit 0 */
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive(&config, &memory.agent, &frame));
-    TEST_ASSERT_TRUE(memory.links[2].estimate > 0);
+    TEST_ASSERT_TRUE(memory.estimates[2].value > 0);
 }
 
 static void test_link_mode(void)
 {
     for (unsigned encoding = 0; encoding < 2; ++encoding) {
         setUp();
-        config.format.mode = ONEBIT_LINK;
+        config.format.mode = ONEBIT_MODE_LINK;
         config.format.encoding = (uint8_t)encoding;
         static const uint32_t others[] = {1, 3, 5, 8191};
         for (unsigned k = 0; k < sizeof others / sizeof *others; ++k) {
@@ -653,20 +653,20 @@ static void test_link_mode(void)
             message.receiver = others[k];
             onebit_frame frame;
             TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_frame_encode(&config.format, &message, &frame));
-            check_refused(&frame, ONEBIT_UNKNOWN);
+            check_refused(&frame, ONEBIT_REFUSED_UNKNOWN);
         }
         receive(5, true);
         TEST_ASSERT_EQUAL_HEX32(2, memory.agent.heard);
         onebit_frame frame = frame_from(6, true);
-        check_refused(&frame, ONEBIT_UNKNOWN);
+        check_refused(&frame, ONEBIT_REFUSED_UNKNOWN);
     }
 }
 
 static void test_counters_stop_at_65535(void)
 {
     static const onebit_status codes[ONEBIT_REFUSALS] = {
-        ONEBIT_UNKNOWN, ONEBIT_REPEATED, ONEBIT_STALE,       ONEBIT_EARLY,
-        ONEBIT_LENGTH,  ONEBIT_REMOTE,   ONEBIT_ERROR_FRAME, ONEBIT_FLEXIBLE};
+        ONEBIT_REFUSED_UNKNOWN, ONEBIT_REFUSED_REPEATED, ONEBIT_REFUSED_STALE,       ONEBIT_REFUSED_EARLY,
+        ONEBIT_REFUSED_LENGTH,  ONEBIT_REFUSED_REMOTE,   ONEBIT_REFUSED_ERROR_FRAME, ONEBIT_REFUSED_FLEXIBLE};
     receive(5, true);
     onebit_frame frames[ONEBIT_REFUSALS];
     for (unsigned k = 0; k < ONEBIT_REFUSALS; ++k) {
@@ -692,20 +692,20 @@ static void test_receive_message(void)
     onebit_message message = message_from(5, true);
     message.receiver = 77; /* not looked at in broadcast */
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive_message(&config, &memory.agent, &message));
-    TEST_ASSERT_EQUAL(ONEBIT_REPEATED, onebit_receive_message(&config, &memory.agent, &message));
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_REPEATED, onebit_receive_message(&config, &memory.agent, &message));
     message.sender = UINT32_MAX;
-    TEST_ASSERT_EQUAL(ONEBIT_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
     message.sender = 0;
-    TEST_ASSERT_EQUAL(ONEBIT_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
     message = message_from(9, true);
     ++message.step;
-    TEST_ASSERT_EQUAL(ONEBIT_EARLY, onebit_receive_message(&config, &memory.agent, &message));
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_EARLY, onebit_receive_message(&config, &memory.agent, &message));
     message.has_step = false;
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive_message(&config, &memory.agent, &message));
-    config.format.mode = ONEBIT_LINK;
+    config.format.mode = ONEBIT_MODE_LINK;
     message = message_from(2, false);
     message.receiver = 5;
-    TEST_ASSERT_EQUAL(ONEBIT_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
+    TEST_ASSERT_EQUAL(ONEBIT_REFUSED_UNKNOWN, onebit_receive_message(&config, &memory.agent, &message));
     message.receiver = OWN;
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive_message(&config, &memory.agent, &message));
     static const uint16_t counters[ONEBIT_REFUSALS] = {3, 1, 0, 1};
@@ -741,10 +741,10 @@ static void test_thirty_two_neighbours(void)
     }
     for (uint32_t k = 0; k < ONEBIT_NEIGHBOURS_MAX; ++k) {
         onebit_frame frame = frame_from(neighbours[k], true);
-        check_refused(&frame, ONEBIT_REPEATED);
+        check_refused(&frame, ONEBIT_REFUSED_REPEATED);
         frame = frame_from(neighbours[k] + 1u, true);
-        check_refused(&frame, ONEBIT_UNKNOWN);
-        TEST_ASSERT_TRUE(k % 3u == 0 ? memory.links[k].estimate < 0 : memory.links[k].estimate > 0);
+        check_refused(&frame, ONEBIT_REFUSED_UNKNOWN);
+        TEST_ASSERT_TRUE(k % 3u == 0 ? memory.estimates[k].value < 0 : memory.estimates[k].value > 0);
     }
 }
 
@@ -762,7 +762,7 @@ static void check_control(const onebit_real *x, uint32_t next_clock)
     unsigned heard = 0;
     for (unsigned k = 0; k < config.neighbour_count; ++k) {
         if (memory.agent.heard >> k & 1u) {
-            double estimate = value_of(memory.links[k].estimate);
+            double estimate = value_of(memory.estimates[k].value);
             sum += estimate - z;
             size += fabs(estimate) + fabs(z);
             ++heard;
@@ -1129,7 +1129,7 @@ static void test_memory(void)
     size_t size = sizeof(uint32_t) + sizeof(memory.agent.clock) + sizeof(memory.agent.heard) +
                   sizeof(memory.agent.gain) + sizeof(memory.agent.refused);
     TEST_ASSERT_TRUE(size <= 32);
-    TEST_ASSERT_EQUAL_UINT(8, sizeof(onebit_link));
+    TEST_ASSERT_EQUAL_UINT(8, sizeof(onebit_estimate));
 #endif
     TEST_ASSERT_TRUE(sizeof(onebit_agent) <= (ONEBIT_ARITHMETIC == ONEBIT_F64 ? 48 : 40));
 }

@@ -65,7 +65,7 @@ static double largest_share;
 static void check_run(const struct setting *setting, double first, double z, uint32_t t0,
                       uint64_t seed)
 {
-    onebit_link link = {number(first), 0};
+    onebit_estimate link = {number(first), 0};
     const onebit_real threshold = number(setting->threshold);
     const onebit_real bound = number(setting->bound);
     const onebit_coefficient gain = coefficient(setting->gain);
@@ -76,7 +76,7 @@ static void check_run(const struct setting *setting, double first, double z, uin
     for (unsigned step = 0; step < STEPS; ++step) {
         ++t;
         bool bit = random_unit(&seed) < probability;
-        onebit_estimate(&link, onebit_gain_at(gain, t), threshold, bound, bit);
+        onebit_update(&link, onebit_gain_at(gain, t), threshold, bound, bit);
         double distribution = 0.5 * erfc((twin - setting->threshold) * 0.70710678118654752440);
         twin += setting->gain / (double)t * (distribution - (bit ? 1.0 : 0.0));
         twin = fmin(fmax(twin, -setting->bound), setting->bound);

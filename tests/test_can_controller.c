@@ -456,12 +456,12 @@ static void test_counters_belong_to_one_moment(void)
 #define STEP 1000u /* ticks */
 
 static const uint32_t neighbours[] = {1, 3, 4};
-static const int32_t stabilizing[] = {ONEBIT_FIXED(-0.25, 30)};
-static const int32_t compression[] = {ONEBIT_FIXED(1.0, 30)};
+static const int32_t stabilizing[] = {ONEBIT_REAL(-0.25, 30)};
+static const int32_t compression[] = {ONEBIT_REAL(1.0, 30)};
 static onebit_config config;
-static onebit_link links[3];
+static onebit_estimate links[3];
 static onebit_agent agent;
-static onebit_link twin_links[3];
+static onebit_estimate twin_links[3];
 static onebit_agent twin; /* the same agent, its calls written out here */
 static struct step_loop loop;
 static int32_t state;
@@ -493,11 +493,11 @@ static void start_loop(uint8_t mode, uint8_t encoding)
         .neighbour_count = 3,
         .state_count = 1,
         .format = {mode, encoding,
-                   encoding == ONEBIT_PAYLOAD ? ONEBIT_PAYLOAD_BASE : ONEBIT_IDENTIFIER_BASE},
+                   encoding == ONEBIT_ENCODING_PAYLOAD ? ONEBIT_PAYLOAD_BASE : ONEBIT_IDENTIFIER_BASE},
         .stabilizing = stabilizing,
         .compression = compression,
         .threshold = 0,
-        .bound = ONEBIT_FIXED(2.0, 27),
+        .bound = ONEBIT_REAL(2.0, 27),
         .estimator_gain = {25, 0},
         .control_gain = {1, 0},
         .start = 20,
@@ -505,7 +505,7 @@ static void start_loop(uint8_t mode, uint8_t encoding)
     };
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &agent, links, NULL));
     TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &twin, twin_links, NULL));
-    state = ONEBIT_FIXED(0.75, 26);
+    state = ONEBIT_REAL(0.75, 26);
     driven = 0;
     drives = 0;
     loop = (struct step_loop){
@@ -529,7 +529,7 @@ static onebit_frame sync_frame(void)
 static onebit_frame message_frame(uint32_t sender, uint32_t clock, bool bit)
 {
     const onebit_message message = {.sender = sender,
-                                    .receiver = config.format.mode == ONEBIT_LINK ? OWN : 0,
+                                    .receiver = config.format.mode == ONEBIT_MODE_LINK ? OWN : 0,
                                     .step = (uint8_t)(clock % ONEBIT_STEP_MODULUS),
                                     .bit = bit};
     onebit_frame frame;
@@ -581,8 +581,8 @@ static void check_twin(void)
 {
     TEST_ASSERT_EQUAL_UINT32(twin.clock, agent.clock);
     for (unsigned k = 0; k < 3; ++k) {
-        TEST_ASSERT_EQUAL_INT32(twin_links[k].estimate, links[k].estimate);
-        TEST_ASSERT_EQUAL_UINT32(twin_links[k].carry, links[k].carry);
+        TEST_ASSERT_EQUAL_INT32(twin_estimates[k].value, estimates[k].value);
+        TEST_ASSERT_EQUAL_UINT32(twin_estimates[k].carry, estimates[k].carry);
     }
 }
 
@@ -600,8 +600,8 @@ static void check_own_message(uint32_t t, int32_t x)
 static void test_steps(void)
 {
     for (int ended_before = 0; ended_before < 2; ++ended_before) {
-        for (uint8_t encoding = ONEBIT_PAYLOAD; encoding <= ONEBIT_IN_IDENTIFIER; ++encoding) {
-            start_loop(ONEBIT_BROADCAST, encoding);
+        for (uint8_t encoding = ONEBIT_ENCODING_PAYLOAD; encoding <= ONEBIT_ENCODING_IDENTIFIER; ++encoding) {
+            start_loop(ONEBIT_MODE_BROADCAST, encoding);
             for (unsigned step = 0; step < 300; ++step) {
                 uint32_t t = twin.clock;
                 come_sync();
@@ -644,7 +644,7 @@ static void test_steps(void)
 /* Three steps in which one frame, the k-th, comes during hook call `due`, of however many. */
 static unsigned steps_with_surprise(unsigned surprise, unsigned due)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     unsigned frame_number = 0;
     unsigned calls = 0;
     for (unsigned step = 0; step < 3; ++step) {
@@ -689,7 +689,7 @@ static void test_interrupt_between_any_two_hook_calls(void)
 {
     steps_with_surprise(1000, 0);
     int32_t expected_state = state;
-    onebit_link expected_links[3];
+    onebit_estimate expected_links[3];
     memcpy(expected_links, links, sizeof links);
     TEST_ASSERT_EQUAL_UINT32(9, loop.counts.taken);
     unsigned tried = 0;
@@ -709,7 +709,7 @@ static void test_interrupt_between_any_two_hook_calls(void)
 /* SYNC wins the arbitration; what the step before it did not get out is withdrawn and not heard. */
 static void test_what_is_late_is_withdrawn(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER);
     come_sync();
     TEST_ASSERT_EQUAL_UINT(1, chip.mailbox_count);
     onebit_frame sync = sync_frame();
@@ -736,7 +736,7 @@ static void test_what_is_late_is_withdrawn(void)
 static void test_full_mailboxes_are_tried_again(void)
 {
     struct can_controller_counts counts;
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     chip.mailboxes = 0;
     come_sync();
     step_loop_run(&loop);
@@ -755,7 +755,7 @@ static void test_full_mailboxes_are_tried_again(void)
 /* Bus off in a step: the message waits; back in the same step it leaves. */
 static void test_bus_off_in_a_step(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     onebit_frame sync = sync_frame();
     chip.ticks += STEP;
     arrive(&sync);
@@ -772,7 +772,7 @@ static void test_bus_off_in_a_step(void)
 /* Link mode: one message a neighbour, each with its own link's random word, by one mailbox. */
 static void test_link_mode(void)
 {
-    start_loop(ONEBIT_LINK, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD);
     chip.mailboxes = 1;
     for (uint32_t t = config.start + 1u; t < config.start + 50u; ++t) {
         onebit_frame sync = sync_frame();
@@ -804,7 +804,7 @@ static void test_link_mode(void)
 /* Frames that are not of this step, not a neighbour's, under the own number, or no message. */
 static void test_frames_that_do_not_count(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER);
     come_message(1, 21); /* before the first SYNC */
     come_sync();
     come_message(OWN, 21);
@@ -820,15 +820,15 @@ static void test_frames_that_do_not_count(void)
     TEST_ASSERT_EQUAL_UINT32(2, loop.counts.outside);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.duplicates);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.taken);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_UNKNOWN - ONEBIT_UNKNOWN]);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_ERROR_FRAME - ONEBIT_UNKNOWN]);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REPEATED - ONEBIT_UNKNOWN]);
+    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_UNKNOWN]);
+    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_ERROR_FRAME - ONEBIT_REFUSED_UNKNOWN]);
+    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_REPEATED - ONEBIT_REFUSED_UNKNOWN]);
     TEST_ASSERT_EQUAL_HEX32(0, agent.heard);
 }
 
 static void test_sync_too_soon_is_refused(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     onebit_frame sync = sync_frame();
     come_sync();
     chip.ticks += STEP / 2 - 1;
@@ -874,7 +874,7 @@ static void test_any_transport(void)
 {
     static const uint64_t list[] = {0, 1, STEP * TICK, 2 * STEP * TICK};
     struct times times = {list, 4};
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     loop.transport =
         (struct transport){.context = &times, .send = send_nothing, .receive = receive_time};
     step_loop_run(&loop);
@@ -888,7 +888,7 @@ static void test_any_transport(void)
 static void test_a_call_is_bounded(void)
 {
     static struct frame_queue_entry many[FRAME_QUEUE_MAX];
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     TEST_ASSERT_TRUE(can_controller_start(&can, &controller, many, FRAME_QUEUE_MAX));
     come_sync();
     for (unsigned k = 0; k < STEP_LOOP_FRAMES + 10; ++k) {
@@ -905,7 +905,7 @@ static void test_a_call_is_bounded(void)
 /* The master's stop ends the step and then everything; another node's stop does nothing. */
 static void test_stop(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     onebit_frame stop;
     canopen_stop_all(&stop);
     stop.data[1] = OWN + 1;
@@ -929,7 +929,7 @@ static void test_stop(void)
 /* A node that starts into a group 40 steps ahead finds its clock (ports/alignment.h). */
 static void test_alignment(void)
 {
-    start_loop(ONEBIT_BROADCAST, ONEBIT_PAYLOAD);
+    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     uint32_t group = config.start + 41u;
     for (unsigned step = 0; step < 10; ++step, ++group) {
         come_sync();

@@ -46,7 +46,7 @@ static onebit_real measured_from(double value)
 
 int main(int argc, char **argv)
 {
-    static onebit_link links[ONEBIT_CONFIG_NEIGHBOURS];
+    static onebit_estimate links[ONEBIT_CONFIG_NEIGHBOURS];
     onebit_real estimates[ONEBIT_CONFIG_NEIGHBOURS];
     onebit_real x[ONEBIT_CONFIG_STATES];
     onebit_agent agent;

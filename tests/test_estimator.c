@@ -46,10 +46,10 @@ static void test_estimate_never_leaves_the_bound(void)
     unsigned projected = 0;
     for (unsigned trial = 0; trial < 200000; ++trial) {
         struct setting setting = random_setting(&seed);
-        onebit_link link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
+        onebit_estimate link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
         for (unsigned step = 0; step < 10; ++step) {
             onebit_gain gain = onebit_gain_at(setting.gain, setting.t);
-            onebit_estimate(&link, gain, setting.threshold, setting.bound,
+            onebit_update(&link, gain, setting.threshold, setting.bound,
                             (random_word(&seed) & 1u) != 0);
             REQUIRE(link.estimate <= setting.bound && link.estimate >= negated(setting.bound),
                     "%.17g outside %.17g", value_of(link.estimate), value_of(setting.bound));
@@ -64,8 +64,8 @@ static void test_projection(void)
     uint64_t seed = 22;
     for (unsigned trial = 0; trial < 1000000; ++trial) {
         onebit_real bound = number(random_between(&seed, 0.001, 4));
-        onebit_link a = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
-        onebit_link b = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
+        onebit_estimate a = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
+        onebit_estimate b = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
         double before = fabs(value_of(a.estimate) - value_of(b.estimate));
         bool outside = a.estimate > bound || a.estimate < negated(bound);
         onebit_real inside = a.estimate;
@@ -79,7 +79,7 @@ static void test_projection(void)
         TEST_ASSERT_TRUE(outside ? (inside > 0 ? a.estimate == bound : a.estimate == negated(bound))
                                  : a.estimate == inside);
         /* Idempotent. */
-        onebit_link again = a;
+        onebit_estimate again = a;
         onebit_project(&again, bound);
         TEST_ASSERT_TRUE(again.estimate == a.estimate && again.carry == a.carry);
     }
@@ -88,7 +88,7 @@ static void test_projection(void)
 static void test_projection_leaves_the_bounds_themselves(void)
 {
     onebit_real bound = number(1.5);
-    onebit_link link = {bound, 1};
+    onebit_estimate link = {bound, 1};
     onebit_project(&link, bound);
     TEST_ASSERT_TRUE(link.estimate == bound && link.carry == 1);
     link.estimate = negated(bound);
@@ -113,7 +113,7 @@ static void test_formula(void)
     unsigned inside = 0;
     for (unsigned trial = 0; trial < 300000; ++trial) {
         struct setting setting = random_setting(&seed);
-        onebit_link link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
+        onebit_estimate link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
         for (unsigned step = 0; step < 4; ++step) {
             bool bit = (random_word(&seed) & 1u) != 0;
             double gain = coefficient_value(setting.gain) / (double)setting.t;
@@ -125,7 +125,7 @@ static void test_formula(void)
             double expected = link_value(&link) + increment;
             expected = fmin(fmax(expected, -bound), bound);
 
-            onebit_estimate(&link, onebit_gain_at(setting.gain, setting.t), setting.threshold,
+            onebit_update(&link, onebit_gain_at(setting.gain, setting.t), setting.threshold,
                             setting.bound, bit);
             double tolerance = gain * DISTRIBUTION_ERROR + 0x1p-52 * (fabs(increment) + 4);
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
@@ -152,10 +152,10 @@ static void test_direction(void)
         struct setting setting = random_setting(&seed);
         onebit_gain gain = onebit_gain_at(setting.gain, setting.t);
         onebit_real start = number(value_of(setting.bound) * random_between(&seed, -0.9, 0.9));
-        onebit_link zero = {start, 0};
-        onebit_link one = {start, 0};
-        onebit_estimate(&zero, gain, setting.threshold, setting.bound, false);
-        onebit_estimate(&one, gain, setting.threshold, setting.bound, true);
+        onebit_estimate zero = {start, 0};
+        onebit_estimate one = {start, 0};
+        onebit_update(&zero, gain, setting.threshold, setting.bound, false);
+        onebit_update(&one, gain, setting.threshold, setting.bound, true);
         TEST_ASSERT_TRUE(zero.estimate >= start);
         TEST_ASSERT_TRUE(one.estimate <= start);
         /* F and 1 - F are at least F(-4) = 3.2e-5; an ulp of f32 below 4 is 2^-22. */
@@ -174,22 +174,22 @@ static void test_bits_at_the_extremes(void)
         onebit_real threshold = number(thresholds[k]);
         onebit_real bound = number(4 - fabs(thresholds[k]));
         onebit_gain gain = onebit_gain_at(coefficient(100), 1000);
-        onebit_link high = {bound, 0};
-        onebit_estimate(&high, gain, threshold, bound, false);
+        onebit_estimate high = {bound, 0};
+        onebit_update(&high, gain, threshold, bound, false);
         TEST_ASSERT_TRUE(high.estimate == bound && high.carry == 0);
-        onebit_estimate(&high, gain, threshold, bound, true);
+        onebit_update(&high, gain, threshold, bound, true);
         TEST_ASSERT_TRUE(high.estimate < bound);
-        onebit_link low = {negated(bound), 0};
-        onebit_estimate(&low, gain, threshold, bound, true);
+        onebit_estimate low = {negated(bound), 0};
+        onebit_update(&low, gain, threshold, bound, true);
         TEST_ASSERT_TRUE(low.estimate == negated(bound) && low.carry == 0);
-        onebit_estimate(&low, gain, threshold, bound, false);
+        onebit_update(&low, gain, threshold, bound, false);
         TEST_ASSERT_TRUE(low.estimate > negated(bound));
         /* The largest gain there is takes it from one bound to the other, or, where the saturated
          * step of q31 is meant, to 2^-27 beside it. */
         gain = onebit_gain_at(coefficient(65536), 1);
-        onebit_estimate(&high, gain, threshold, bound, true);
+        onebit_update(&high, gain, threshold, bound, true);
         TEST_ASSERT_TRUE(value_of(high.estimate) <= -value_of(bound) + 0x1p-27);
-        onebit_estimate(&high, gain, threshold, bound, false);
+        onebit_update(&high, gain, threshold, bound, false);
         TEST_ASSERT_TRUE(value_of(high.estimate) >= value_of(bound) - 0x1p-27);
     }
 }
@@ -260,7 +260,7 @@ static void test_coefficient_valid(void)
 static void test_carry_keeps_the_remainder(void)
 {
     const double half_ulp = ONEBIT_ARITHMETIC == ONEBIT_F32 ? 0x1p-24 : 0x1p-53;
-    onebit_link link = {1, 0};
+    onebit_estimate link = {1, 0};
     onebit_accumulate(&link, number(half_ulp), number(0.25));
     TEST_ASSERT_TRUE(link.estimate == 1);
     TEST_ASSERT_TRUE(link.carry == number(half_ulp * 0.25));

@@ -37,11 +37,11 @@ static void test_three_pumps_agree(void)
 {
     static const uint32_t neighbours[3][2] = {{2, 3}, {1, 3}, {1, 2}};
     static const int32_t stabilizing[] = {0};
-    static const int32_t compression[] = {ONEBIT_FIXED(1.0, 30)};
+    static const int32_t compression[] = {ONEBIT_REAL(1.0, 30)};
     onebit_config config[3];
     onebit_agent agent[3];
-    onebit_link links[3][2];
-    int32_t pressure[3] = {ONEBIT_FIXED(1.5, 26), ONEBIT_FIXED(-1.0, 26), ONEBIT_FIXED(0.5, 26)};
+    onebit_estimate links[3][2];
+    int32_t pressure[3] = {ONEBIT_REAL(1.5, 26), ONEBIT_REAL(-1.0, 26), ONEBIT_REAL(0.5, 26)};
     TEST_ASSERT_TRUE(pump_start());
     for (unsigned k = 1; k < 3; ++k) {
         config[k] = (onebit_config){
@@ -49,11 +49,11 @@ static void test_three_pumps_agree(void)
             .neighbours = neighbours[k],
             .neighbour_count = 2,
             .state_count = 1,
-            .format = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
+            .format = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, ONEBIT_PAYLOAD_BASE},
             .stabilizing = stabilizing,
             .compression = compression,
             .threshold = 0,
-            .bound = ONEBIT_FIXED(2.0, 27),
+            .bound = ONEBIT_REAL(2.0, 27),
             .estimator_gain = {25, 0},
             .control_gain = {1, 0},
             .start = 20,

@@ -464,7 +464,7 @@ static void test_shifted(void)
 /* What one step of the estimator may do with the bits of an extreme configuration. */
 static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain, int32_t innovation)
 {
-    onebit_link link = {estimate, carry};
+    onebit_estimate link = {estimate, carry};
     onebit_accumulate(&link, gain, innovation);
 
     /* In units of 2^-59, times 2^down so that the exact step is whole. */
@@ -523,7 +523,7 @@ static void test_accumulate_with_tiny_gains(void)
 {
     for (int exponent = 75; exponent <= 124; ++exponent) {
         onebit_gain gain = {0xFFFF, (int16_t)exponent};
-        onebit_link link = {5, 7};
+        onebit_estimate link = {5, 7};
         onebit_accumulate(&link, gain, INT32_MAX);
         TEST_ASSERT_EQUAL_INT32(5, link.estimate);
         TEST_ASSERT_EQUAL_UINT32(7, link.carry);
@@ -541,7 +541,7 @@ static void test_too_large_a_step_ends_at_the_bound(void)
     for (int32_t bound = 1 << 20; bound <= 1 << 29; bound <<= 1) {
         for (unsigned k = 0; k < sizeof innovations / sizeof *innovations; ++k) {
             bool rises = innovations[k] > 0;
-            onebit_link link = {rises ? -bound : bound, 0};
+            onebit_estimate link = {rises ? -bound : bound, 0};
             onebit_accumulate(&link, gain, innovations[k]);
             TEST_ASSERT_TRUE(rises ? link.estimate >= bound - 1 : link.estimate <= 1 - bound);
         }
@@ -616,10 +616,10 @@ static void test_everything_is_finite(void)
 static void test_constants(void)
 {
     static const int32_t constants[] = {
-        ONEBIT_FIXED(-0.5, 27),     ONEBIT_FIXED(3.9999999, 27), ONEBIT_FIXED(0.7, 4),
-        ONEBIT_FIXED(-0.7, 4),      ONEBIT_FIXED(0, 31),         ONEBIT_FIXED(1e-9, 46),
-        ONEBIT_FIXED(-0.9224, 31),  ONEBIT_FIXED(2, 0),          ONEBIT_FIXED(0.46875, 4),
-        ONEBIT_FIXED(1 - 0.25, 20),
+        ONEBIT_REAL(-0.5, 27),     ONEBIT_REAL(3.9999999, 27), ONEBIT_REAL(0.7, 4),
+        ONEBIT_REAL(-0.7, 4),      ONEBIT_REAL(0, 31),         ONEBIT_REAL(1e-9, 46),
+        ONEBIT_REAL(-0.9224, 31),  ONEBIT_REAL(2, 0),          ONEBIT_REAL(0.46875, 4),
+        ONEBIT_REAL(1 - 0.25, 20),
     };
     static const int32_t expected[] = {-67108864, 536870899,   11, -11, 0,
                                        70369,     -1980838917, 2,  8,   786432};

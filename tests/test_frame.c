@@ -8,38 +8,38 @@
 
 #include <string.h>
 
-static const onebit_format payload_form = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x100};
-static const onebit_format identifier_form = {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x400};
-static const onebit_format link_payload_form = {ONEBIT_LINK, ONEBIT_PAYLOAD, 0};
-static const onebit_format link_identifier_form = {ONEBIT_LINK, ONEBIT_IN_IDENTIFIER, 0};
+static const onebit_format payload_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100};
+static const onebit_format identifier_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400};
+static const onebit_format link_payload_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0};
+static const onebit_format link_identifier_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0};
 
 /* Both encodings, with the default base, the lowest, and the highest that leave one agent. */
 static const onebit_format broadcast_forms[] = {
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x100},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x080},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x7EE},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x400},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x080},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x7EC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC},
 };
 #define BROADCAST_FORMS (sizeof broadcast_forms / sizeof *broadcast_forms)
 
 static const onebit_format invalid_forms[] = {
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x07F},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x07F},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x7EF},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x7F0},
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0xFFFF},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x7EF},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x7EE},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x7ED},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x800},
-    {ONEBIT_BROADCAST, 2, 0x100},
-    {ONEBIT_LINK, 2, 0x100},
-    {ONEBIT_LINK, 255, 0x100},
-    {2, ONEBIT_PAYLOAD, 0x100},
-    {255, ONEBIT_IN_IDENTIFIER, 0x400},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x07F},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x07F},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EF},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7F0},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0xFFFF},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EF},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EE},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7ED},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x800},
+    {ONEBIT_MODE_BROADCAST, 2, 0x100},
+    {ONEBIT_MODE_LINK, 2, 0x100},
+    {ONEBIT_MODE_LINK, 255, 0x100},
+    {2, ONEBIT_ENCODING_PAYLOAD, 0x100},
+    {255, ONEBIT_ENCODING_IDENTIFIER, 0x400},
 };
 #define INVALID_FORMS (sizeof invalid_forms / sizeof *invalid_forms)
 
@@ -78,7 +78,7 @@ static void check_example(const onebit_format *format, uint32_t sender, uint32_t
     /* All eight: what a controller may copy holds nothing of the caller's memory. */
     TEST_ASSERT_EQUAL_HEX8_ARRAY(expected->data, frame.data, 8);
 
-    bool payload = format->encoding == ONEBIT_PAYLOAD;
+    bool payload = format->encoding == ONEBIT_ENCODING_PAYLOAD;
     onebit_message wanted = {sender, receiver, payload ? step : 0, payload, bit};
     onebit_message decoded;
     memset(&decoded, 0, sizeof decoded);
@@ -137,15 +137,15 @@ static void test_agent_limits(void)
         onebit_format format;
         uint32_t limit;
     } rows[] = {
-        {{ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x100}, 1775}, /* 0x7EF - 0x100 */
-        {{ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x080}, 1903},
-        {{ONEBIT_BROADCAST, ONEBIT_PAYLOAD, 0x7EE}, 1},
-        {{ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x400}, 503}, /* 0x400 + 2 * 503 + 1 = 0x7EF */
-        {{ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x401}, 502}, /* 504 with bit 1 would be 0x7F0 */
-        {{ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x080}, 951},
-        {{ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, 0x7EC}, 1},
-        {{ONEBIT_LINK, ONEBIT_PAYLOAD, 0}, 8191},
-        {{ONEBIT_LINK, ONEBIT_IN_IDENTIFIER, 0xFFFF}, 8191}, /* the base is not used */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100}, 1775}, /* 0x7EF - 0x100 */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080}, 1903},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE}, 1},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400}, 503}, /* 0x400 + 2 * 503 + 1 = 0x7EF */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x401}, 502}, /* 504 with bit 1 would be 0x7F0 */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080}, 951},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC}, 1},
+        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0}, 8191},
+        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0xFFFF}, 8191}, /* the base is not used */
     };
     for (unsigned k = 0; k < sizeof rows / sizeof *rows; ++k) {
         TEST_ASSERT_EQUAL_UINT32(rows[k].limit, onebit_frame_agent_limit(&rows[k].format));
@@ -161,12 +161,12 @@ static void test_limit_of_every_base(void)
 {
     for (unsigned encoding = 0; encoding < 2; ++encoding) {
         for (uint32_t base = 0; base <= UINT16_MAX; ++base) {
-            onebit_format format = {ONEBIT_BROADCAST, (uint8_t)encoding, (uint16_t)base};
+            onebit_format format = {ONEBIT_MODE_BROADCAST, (uint8_t)encoding, (uint16_t)base};
             uint32_t count = 0;
             for (;;) {
                 uint32_t next = count + 1u;
-                uint32_t first = base + (encoding == ONEBIT_PAYLOAD ? next : 2u * next);
-                uint32_t last = encoding == ONEBIT_PAYLOAD ? first : first + 1u;
+                uint32_t first = base + (encoding == ONEBIT_ENCODING_PAYLOAD ? next : 2u * next);
+                uint32_t last = encoding == ONEBIT_ENCODING_PAYLOAD ? first : first + 1u;
                 if (first < 0x081 || last > 0x7EF) {
                     break;
                 }
@@ -187,7 +187,7 @@ static void test_every_broadcast_message_returns(void)
 {
     for (unsigned k = 0; k < BROADCAST_FORMS; ++k) {
         const onebit_format *format = &broadcast_forms[k];
-        bool payload = format->encoding == ONEBIT_PAYLOAD;
+        bool payload = format->encoding == ONEBIT_ENCODING_PAYLOAD;
         uint32_t limit = onebit_frame_agent_limit(format);
         for (uint32_t sender = 1; sender <= limit; ++sender) {
             for (unsigned rest = 0; rest < 256; ++rest) {
@@ -232,18 +232,18 @@ static onebit_status expected_refusal(uint8_t flags, bool identifier_known, bool
                                       unsigned length, unsigned wanted_length)
 {
     if (flags & ONEBIT_FRAME_ERROR) {
-        return ONEBIT_ERROR_FRAME;
+        return ONEBIT_REFUSED_ERROR_FRAME;
     }
     if (((flags & ONEBIT_FRAME_EXTENDED) != 0) != extended || !identifier_known) {
-        return ONEBIT_UNKNOWN;
+        return ONEBIT_REFUSED_UNKNOWN;
     }
     if (flags & ONEBIT_FRAME_REMOTE) {
-        return ONEBIT_REMOTE;
+        return ONEBIT_REFUSED_REMOTE;
     }
     if (flags & ONEBIT_FRAME_FLEXIBLE) {
-        return ONEBIT_FLEXIBLE;
+        return ONEBIT_REFUSED_FLEXIBLE;
     }
-    return length == wanted_length ? ONEBIT_OK : ONEBIT_LENGTH;
+    return length == wanted_length ? ONEBIT_OK : ONEBIT_REFUSED_LENGTH;
 }
 
 /* The status is as expected; what decodes encodes to the same frame, what does not changes nothing.
@@ -278,7 +278,7 @@ static void test_every_11_bit_frame(void)
 {
     for (unsigned k = 0; k < BROADCAST_FORMS; ++k) {
         const onebit_format *format = &broadcast_forms[k];
-        bool payload = format->encoding == ONEBIT_PAYLOAD;
+        bool payload = format->encoding == ONEBIT_ENCODING_PAYLOAD;
         for (uint32_t identifier = 0; identifier < 2048; ++identifier) {
             int32_t place = (int32_t)identifier - format->base;
             bool known;
@@ -313,11 +313,11 @@ static void test_wild_identifiers_in_broadcast(void)
             uint32_t identifier = random_word(&seed) >> (trial % 21u);
             if (identifier > 0x7EF) {
                 onebit_frame frame = {identifier, 0, 1, {0}};
-                check_frame(&broadcast_forms[k], &frame, ONEBIT_UNKNOWN);
+                check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
             }
         }
         onebit_frame frame = {0x10000107, ONEBIT_FRAME_EXTENDED, 1, {0}};
-        check_frame(&broadcast_forms[k], &frame, ONEBIT_UNKNOWN);
+        check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
     }
 }
 
@@ -327,7 +327,7 @@ static void test_link_messages_return(void)
     static const uint8_t steps[] = {0, 1, 63, 64, 127};
     const onebit_format *formats[] = {&link_payload_form, &link_identifier_form};
     for (unsigned k = 0; k < 2; ++k) {
-        bool payload = formats[k]->encoding == ONEBIT_PAYLOAD;
+        bool payload = formats[k]->encoding == ONEBIT_ENCODING_PAYLOAD;
         for (uint32_t sender = 1; sender <= 8191; ++sender) {
             for (unsigned r = 0; r < sizeof receivers / sizeof *receivers; ++r) {
                 for (unsigned rest = 0; rest < 2 * sizeof steps; ++rest) {
@@ -357,7 +357,7 @@ static void test_wild_identifiers_in_link_mode(void)
     const onebit_format *formats[] = {&link_payload_form, &link_identifier_form};
     uint64_t seed = 2;
     for (unsigned k = 0; k < 2; ++k) {
-        bool payload = formats[k]->encoding == ONEBIT_PAYLOAD;
+        bool payload = formats[k]->encoding == ONEBIT_ENCODING_PAYLOAD;
         for (unsigned trial = 0; trial < 1000000; ++trial) {
             uint32_t identifier = random_word(&seed);
             if (trial % 8u != 0) {
@@ -390,18 +390,18 @@ static void test_order_of_refusals(void)
     for (unsigned k = 0; k < 2; ++k) {
         uint8_t kind = (uint8_t)(k == 0 ? 0 : ONEBIT_FRAME_EXTENDED);
         onebit_frame frame = {0, (uint8_t)(kind | 0x0Eu), 8, {0}};
-        check_frame(formats[k], &frame, ONEBIT_ERROR_FRAME);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_ERROR_FRAME);
         frame.flags = (uint8_t)(frame.flags - ONEBIT_FRAME_ERROR);
-        check_frame(formats[k], &frame, ONEBIT_UNKNOWN);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_UNKNOWN);
         frame.identifier = known[k];
         frame.flags ^= ONEBIT_FRAME_EXTENDED;
-        check_frame(formats[k], &frame, ONEBIT_UNKNOWN);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_UNKNOWN);
         frame.flags ^= ONEBIT_FRAME_EXTENDED;
-        check_frame(formats[k], &frame, ONEBIT_REMOTE);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_REMOTE);
         frame.flags = (uint8_t)(frame.flags - ONEBIT_FRAME_REMOTE);
-        check_frame(formats[k], &frame, ONEBIT_FLEXIBLE);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_FLEXIBLE);
         frame.flags = kind;
-        check_frame(formats[k], &frame, ONEBIT_LENGTH);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_LENGTH);
         frame.length = k == 0 ? 1 : 0;
         check_frame(formats[k], &frame, ONEBIT_OK);
     }
@@ -466,10 +466,10 @@ static void test_lengths_beyond_eight(void)
     for (unsigned length = 0; length < 256; ++length) {
         onebit_frame frame = {0x101, 0, (uint8_t)length, {0}};
         onebit_message message;
-        TEST_ASSERT_EQUAL(length == 1 ? ONEBIT_OK : ONEBIT_LENGTH,
+        TEST_ASSERT_EQUAL(length == 1 ? ONEBIT_OK : ONEBIT_REFUSED_LENGTH,
                           onebit_frame_decode(&payload_form, &frame, &message));
         frame.flags = ONEBIT_FRAME_FLEXIBLE;
-        TEST_ASSERT_EQUAL(ONEBIT_FLEXIBLE, onebit_frame_decode(&payload_form, &frame, &message));
+        TEST_ASSERT_EQUAL(ONEBIT_REFUSED_FLEXIBLE, onebit_frame_decode(&payload_form, &frame, &message));
     }
 }
 
@@ -484,7 +484,7 @@ static void test_sync(void)
     TEST_ASSERT_EACH_EQUAL_HEX8(0, frame.data, 8);
     TEST_ASSERT_TRUE(onebit_frame_is_sync(&frame));
     for (unsigned k = 0; k < BROADCAST_FORMS; ++k) {
-        check_frame(&broadcast_forms[k], &frame, ONEBIT_UNKNOWN);
+        check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
     }
     frame.data[0] = 240; /* the counter of DLC 1 */
     for (unsigned length = 0; length < 256; ++length) {

@@ -157,7 +157,7 @@ def test_memory_on_a_32_bit_target(tmp_path, arithmetic):
         #include "onebit.h"
         typedef char pointers_have_32_bits[sizeof(void *) == 4 ? 1 : -1];
         typedef char agent_has_at_most_32_bytes[sizeof(onebit_agent) <= 32 ? 1 : -1];
-        typedef char link_has_8_bytes[sizeof(onebit_link) == 8 ? 1 : -1];
+        typedef char link_has_8_bytes[sizeof(onebit_estimate) == 8 ? 1 : -1];
     """
     definition = f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic.upper()}"
     clang_for("thumbv7em-none-eabi", source, tmp_path, definition)

@@ -77,8 +77,8 @@ static void aircraft_have_the_papers_constants(void)
     TEST_ASSERT_EQUAL_DOUBLE(2, scenario.bound);
     TEST_ASSERT_EQUAL_DOUBLE(4, scenario.sigma);
     TEST_ASSERT_EQUAL_UINT32(20, scenario.topology.link_count);
-    TEST_ASSERT_EQUAL_UINT8(ONEBIT_LINK, scenario.format.mode);
-    TEST_ASSERT_EQUAL_UINT8(ONEBIT_PAYLOAD, scenario.format.encoding);
+    TEST_ASSERT_EQUAL_UINT8(ONEBIT_MODE_LINK, scenario.format.mode);
+    TEST_ASSERT_EQUAL_UINT8(ONEBIT_ENCODING_PAYLOAD, scenario.format.encoding);
     TEST_ASSERT_EQUAL_INT(BUS_IDEAL, scenario.bus_model);
     TEST_ASSERT_EQUAL_DOUBLE(500000, scenario.bitrate);
     TEST_ASSERT_FALSE(scenario.has_fixed);
@@ -142,7 +142,7 @@ static void broadcast_files_differ_in_the_mode_alone(void)
         load(names[pair][0]);
         link = scenario;
         load(names[pair][1]);
-        TEST_ASSERT_EQUAL_UINT8(ONEBIT_BROADCAST, scenario.format.mode);
+        TEST_ASSERT_EQUAL_UINT8(ONEBIT_MODE_BROADCAST, scenario.format.mode);
         TEST_ASSERT_EQUAL_UINT16(0x100, scenario.format.base);
         TEST_ASSERT_EQUAL_MEMORY(link.A, scenario.A, 16 * sizeof(double));
         TEST_ASSERT_EQUAL_MEMORY(link.B, scenario.B, 4 * sizeof(double));
@@ -200,8 +200,8 @@ static void yaml_is_read_as_yaml(void)
     TEST_ASSERT_EQUAL_UINT32(2, scenario.topology.graph_count);
     TEST_ASSERT_EQUAL_MEMORY(transition, scenario.topology.transition, sizeof transition);
     TEST_ASSERT_EQUAL_UINT32(0, topology_degree(&scenario.topology, 1, 2));
-    TEST_ASSERT_EQUAL_UINT8(ONEBIT_BROADCAST, scenario.format.mode);
-    TEST_ASSERT_EQUAL_UINT8(ONEBIT_IN_IDENTIFIER, scenario.format.encoding);
+    TEST_ASSERT_EQUAL_UINT8(ONEBIT_MODE_BROADCAST, scenario.format.mode);
+    TEST_ASSERT_EQUAL_UINT8(ONEBIT_ENCODING_IDENTIFIER, scenario.format.encoding);
     TEST_ASSERT_EQUAL_UINT16(0x7DF, scenario.format.base);
     TEST_ASSERT_EQUAL_INT(BUS_CAN, scenario.bus_model);
     TEST_ASSERT_EQUAL_DOUBLE(500000, scenario.bitrate);

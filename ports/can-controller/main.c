@@ -11,16 +11,14 @@
 
 #define PERIOD 100000000u          /* nanoseconds; `period` in the system's file */
 #define CONTROL_AFTER (PERIOD / 4) /* of SYNC: by then all have come, the design's report says */
-#define SEED 1u
 
 static struct frame_queue_entry entries[32];
 static struct can_controller can;
-static onebit_link links[ONEBIT_CONFIG_NEIGHBOURS];
+static onebit_estimate estimates[ONEBIT_CONFIG_NEIGHBOURS];
 static onebit_agent agent;
 static struct step_loop loop = {
     .agent = &agent,
     .plant = {.measure = board_measure, .drive = board_drive},
-    .seed = SEED,
     .period = PERIOD,
 };
 
@@ -36,7 +34,7 @@ static bool start(void)
         return false;
     }
     loop.config = onebit_configs[number - 1];
-    if (onebit_start(loop.config, &agent, links, NULL) != ONEBIT_OK ||
+    if (onebit_start(loop.config, &agent, estimates, NULL) != ONEBIT_OK ||
         !can_controller_start(&can, &board_controller, entries, sizeof entries / sizeof *entries)) {
         return false;
     }

@@ -8,7 +8,6 @@
 #include "checksum.h"
 #include "integer_plant.h"
 #include "onebit_config.h"
-#include "onebit_random.h"
 #include "platform.h"
 #include "print.h"
 
@@ -17,10 +16,7 @@
 #define AGENTS ONEBIT_CONFIG_AGENTS
 #define STATES ONEBIT_CONFIG_STATES
 
-/* What onebit-sim does by default. */
 #define STEPS 5000u
-#define SEED 1u
-#define RUN 0u
 
 static const struct integer_plant plant = {
     .state_count = STATES,
@@ -34,7 +30,7 @@ static const struct integer_plant plant = {
 
 static struct aircraft {
     onebit_agent agent;
-    onebit_link links[ONEBIT_CONFIG_NEIGHBOURS];
+    onebit_estimate estimates[ONEBIT_CONFIG_NEIGHBOURS];
     int32_t x[STATES];
     uint32_t checksum; /* the CRC's register */
 } group[AGENTS];
@@ -56,7 +52,7 @@ static void start(void)
     for (unsigned k = 0; k < AGENTS; ++k) {
         struct aircraft *aircraft = &group[k];
         onebit_status status =
-            onebit_start(onebit_configs[k], &aircraft->agent, aircraft->links, NULL);
+            onebit_start(onebit_configs[k], &aircraft->agent, aircraft->estimates, NULL);
         if (status != ONEBIT_OK) {
             fail("start", k + 1, status);
         }
@@ -72,8 +68,9 @@ static void deliver(const onebit_frame *frame, unsigned sender)
 {
     for (unsigned k = 0; k < AGENTS; ++k) {
         if (k != sender) {
-            onebit_status status = onebit_receive(onebit_configs[k], &group[k].agent, frame);
-            if (status != ONEBIT_OK && status != ONEBIT_UNKNOWN) {
+            onebit_status status = onebit_receive(onebit_configs[k], &group[k].agent, frame,
+                                                  ONEBIT_ALL_LINKED, NULL);
+            if (status != ONEBIT_OK && status != ONEBIT_REFUSED_UNKNOWN) {
                 fail("receive", k + 1, status);
             }
         }
@@ -82,17 +79,10 @@ static void deliver(const onebit_frame *frame, unsigned sender)
 
 static void send(unsigned k)
 {
-    const onebit_config *config = onebit_configs[k];
-    uint32_t t = group[k].agent.clock;
-    onebit_message message = {.sender = config->agent, .step = (uint8_t)(t % ONEBIT_STEP_MODULUS)};
     onebit_frame frame;
-    onebit_status status = onebit_encode(
-        config, group[k].x, onebit_random_word(SEED, RUN, config->agent, t), &message.bit);
-    if (status == ONEBIT_OK) {
-        status = onebit_frame_encode(&config->format, &message, &frame);
-    }
+    onebit_status status = onebit_send(onebit_configs[k], &group[k].agent, group[k].x, 0, &frame);
     if (status != ONEBIT_OK) {
-        fail("encode", k + 1, status);
+        fail("send", k + 1, status);
     }
     deliver(&frame, k);
 }
@@ -101,12 +91,12 @@ static void control(unsigned k)
 {
     struct aircraft *aircraft = &group[k];
     int32_t u = 0;
-    onebit_status status = onebit_control(onebit_configs[k], &aircraft->agent, aircraft->x, &u);
+    onebit_status status = onebit_control(onebit_configs[k], &aircraft->agent, aircraft->x, ONEBIT_ALL_LINKED, &u);
     if (status != ONEBIT_OK) {
         fail("control", k + 1, status);
     }
     for (unsigned place = 0; place < onebit_configs[k]->neighbour_count; ++place) {
-        aircraft->checksum = checksum(aircraft->checksum, aircraft->links[place].estimate);
+        aircraft->checksum = checksum(aircraft->checksum, aircraft->estimates[place].value);
     }
     aircraft->checksum = checksum(aircraft->checksum, u);
     integer_plant_step(&plant, aircraft->x, u);

@@ -16,18 +16,15 @@
 #define STEPS 300
 #define SEARCH 1500 /* random inputs, then as many changes of the worst */
 
-/* Constants in noise units, constants of the rows, and a random real number within +-16. */
+/* Constants of the rows, and a random real number within +-16. */
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
 #define NAME "q31"
-#define IN_NOISE(number) ONEBIT_REAL(number)
-#define IN_ROW(number) ((onebit_real)((number)*1073741824.0)) /* 30 fraction bits */
 #define RANDOM_REAL(word) ((onebit_real)(word))
 #else
 #define NAME (ONEBIT_ARITHMETIC == ONEBIT_F32 ? "f32" : "f64")
-#define IN_NOISE(number) ((onebit_real)(number))
-#define IN_ROW(number) ((onebit_real)(number))
 #define RANDOM_REAL(word) ((onebit_real)(int32_t)(word) / (onebit_real)134217728)
 #endif
+#define IN_ROW(number) ONEBIT_REAL(number, 30)
 
 /* The seven aircraft's constants (sim/scenarios/aircraft-fixed.yaml) in units of their noise. */
 static const onebit_real stabilizing[STATES] = {IN_ROW(-0.9224), IN_ROW(-0.1825), IN_ROW(0),
@@ -40,37 +37,33 @@ static const onebit_config aircraft = {
     .neighbours = neighbours,
     .neighbour_count = NEIGHBOURS,
     .state_count = STATES,
-    .format = {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
+    .format = ONEBIT_FORMAT_BROADCAST_PAYLOAD,
     .stabilizing = stabilizing,
     .compression = compression,
-    .threshold = IN_NOISE(-0.5),
-    .bound = IN_NOISE(0.5),
+    .threshold = ONEBIT_NOISE(-0.5),
+    .bound = ONEBIT_NOISE(0.5),
     .start = 99,
-#if ONEBIT_ARITHMETIC == ONEBIT_Q31
-    .estimator_gain = {375, 0},
-    .control_gain = {4, 0},
+    .estimator_gain = ONEBIT_COEFFICIENT(375.0),
+    .control_gain = ONEBIT_COEFFICIENT(4.0),
     .fraction_bits = {.stabilizing = 30, .compression = 30, .state = 26, .control = 26},
-#else
-    .estimator_gain = 375,
-    .control_gain = 4,
-#endif
+    .seed = 1,
 };
 
 typedef void update_function(const onebit_config *config, const onebit_agent *agent,
-                             onebit_link *link, bool bit);
+                             onebit_estimate *estimate, bool bit);
 typedef onebit_probability cdf_function(onebit_real u);
 typedef onebit_status encode_function(const onebit_config *config, const onebit_real *x,
-                                      uint32_t word, bool *bit);
+                                      unsigned k, uint32_t word, bool *bit);
 typedef onebit_status control_function(const onebit_config *config, onebit_agent *agent,
-                                       const onebit_real *x, onebit_real *u);
+                                       const onebit_real *x, uint32_t linked, onebit_real *u);
 typedef void step_function(struct figures_trial *trial);
 
-static void no_update(const onebit_config *config, const onebit_agent *agent, onebit_link *link,
+static void no_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
                       bool bit)
 {
     (void)config;
     (void)agent;
-    (void)link;
+    (void)estimate;
     (void)bit;
 }
 
@@ -80,22 +73,24 @@ static onebit_probability no_cdf(onebit_real u)
     return 0;
 }
 
-static onebit_status no_encode(const onebit_config *config, const onebit_real *x, uint32_t word,
-                               bool *bit)
+static onebit_status no_encode(const onebit_config *config, const onebit_real *x, unsigned k,
+                               uint32_t word, bool *bit)
 {
     (void)config;
     (void)x;
+    (void)k;
     (void)word;
     (void)bit;
     return ONEBIT_OK;
 }
 
 static onebit_status no_control(const onebit_config *config, onebit_agent *agent,
-                                const onebit_real *x, onebit_real *u)
+                                const onebit_real *x, uint32_t linked, onebit_real *u)
 {
     (void)config;
     (void)agent;
     (void)x;
+    (void)linked;
     (void)u;
     return ONEBIT_OK;
 }
@@ -118,7 +113,7 @@ static uint32_t count_one(enum operation operation, struct figures_trial *trial,
     case UPDATE: {
         update_function *volatile called = nothing ? no_update : figures_update;
         platform_count_from_here();
-        called(&trial->config, &trial->agent, &trial->links[0], trial->bits[0]);
+        called(&trial->config, &trial->agent, &trial->estimates[0], trial->bits[0]);
         return platform_count();
     }
     case CDF: {
@@ -131,14 +126,14 @@ static uint32_t count_one(enum operation operation, struct figures_trial *trial,
         encode_function *volatile called = nothing ? no_encode : onebit_encode;
         bool bit;
         platform_count_from_here();
-        called(&trial->config, trial->x, trial->word, &bit);
+        called(&trial->config, trial->x, 0, trial->word, &bit);
         return platform_count();
     }
     case CONTROL: {
         control_function *volatile called = nothing ? no_control : onebit_control;
         onebit_real u;
         platform_count_from_here();
-        called(&trial->config, &trial->agent, trial->x, &u);
+        called(&trial->config, &trial->agent, trial->x, ONEBIT_ALL_LINKED, &u);
         return platform_count();
     }
     default: {
@@ -153,7 +148,7 @@ static uint32_t count_one(enum operation operation, struct figures_trial *trial,
 static uint32_t count(enum operation operation, struct figures_trial *trial)
 {
     struct figures_trial untouched = *trial;
-    untouched.agent.links = untouched.links;
+    untouched.agent.estimates = untouched.estimates;
     uint32_t cost = count_one(operation, &untouched, false);
     return cost - count_one(operation, &untouched, true);
 }
@@ -164,9 +159,9 @@ static uint32_t count(enum operation operation, struct figures_trial *trial)
  */
 static bool count_realistic(struct figures_trial *trial, struct figure *figures)
 {
-    static const onebit_real places[NEIGHBOURS] = {IN_NOISE(-0.25), IN_NOISE(0.1), IN_NOISE(0.4)};
+    static const onebit_real places[NEIGHBOURS] = {ONEBIT_NOISE(-0.25), ONEBIT_NOISE(0.1), ONEBIT_NOISE(0.4)};
     trial->config = aircraft;
-    if (onebit_start(&trial->config, &trial->agent, trial->links, NULL) != ONEBIT_OK) {
+    if (onebit_start(&trial->config, &trial->agent, trial->estimates, NULL) != ONEBIT_OK) {
         return false;
     }
     for (unsigned k = 0; k < STEPS; ++k) {
@@ -177,7 +172,7 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
         for (unsigned i = 0; i < STATES; ++i) {
             trial->x[i] = RANDOM_REAL((int32_t)figure_random() / 64); /* within 1/4 */
         }
-        trial->u = aircraft.threshold - trial->links[0].estimate;
+        trial->u = aircraft.threshold - trial->estimates[0].value;
         trial->word = figure_random();
         /* A control has heard all neighbours; the other operations begin with nobody heard. */
         for (enum operation operation = UPDATE; operation < OPERATIONS; ++operation) {
@@ -185,7 +180,7 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
             figure_take(&figures[operation], count(operation, trial));
         }
         for (unsigned i = 0; i < NEIGHBOURS; ++i) {
-            onebit_estimate(&trial->links[i], trial->agent.gain, aircraft.threshold, aircraft.bound,
+            onebit_update(&trial->estimates[i], trial->agent.gain, aircraft.threshold, aircraft.bound,
                             trial->bits[i]);
         }
         onebit_advance(&trial->config, &trial->agent, (int32_t)(trial->agent.clock / 32));
@@ -221,24 +216,24 @@ static void draw(struct figures_trial *trial, unsigned field)
 {
     switch (field) {
     case 0: /* |threshold| + bound <= 4, and the estimates within the bound */
-        trial->config.threshold = random_within(IN_NOISE(3.9));
-        trial->config.bound = IN_NOISE(4) - (trial->config.threshold < 0 ? -trial->config.threshold
+        trial->config.threshold = random_within(ONEBIT_NOISE(3.9));
+        trial->config.bound = ONEBIT_NOISE(4) - (trial->config.threshold < 0 ? -trial->config.threshold
                                                                          : trial->config.threshold);
         /* fall through */
     case 1:
         for (unsigned k = 0; k < NEIGHBOURS; ++k) {
-            trial->links[k].estimate = random_within(trial->config.bound);
+            trial->estimates[k].value = random_within(trial->config.bound);
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
-            trial->links[k].carry = random_word();
+            trial->estimates[k].carry = random_word();
 #else
-            trial->links[k].carry = random_within(IN_NOISE(0.001)) / 65536;
+            trial->estimates[k].carry = random_within(ONEBIT_NOISE(0.001)) / 65536;
 #endif
         }
         return;
     case 2:
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
-        trial->config.estimator_gain.value = random_word() >> 16 | 1u;
-        trial->config.estimator_gain.fraction_bits = (int8_t)(figure_random() % 63u);
+        trial->config.estimator_gain.value = random_word() | 0x80000000u;
+        trial->config.estimator_gain.fraction_bits = (uint8_t)(16u + figure_random() % 47u);
 #else
         trial->config.estimator_gain = (onebit_real)(random_word() >> 16 | 1u) /
                                        (onebit_real)(1u + (figure_random() & 0xFFFu));
@@ -314,7 +309,7 @@ bool ONEBIT_NAME(figures)(void)
     }
     print_text(NAME);
     print_text(" memory ");
-    print_decimal(sizeof(onebit_agent) + NEIGHBOURS * sizeof(onebit_link));
+    print_decimal(sizeof(onebit_agent) + NEIGHBOURS * sizeof(onebit_estimate));
     print_text("\n");
     return true;
 }

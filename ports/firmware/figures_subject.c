@@ -2,12 +2,13 @@
 #include "figures_subject.h"
 
 #include "onebit_estimator.h"
-#include "onebit_random.h"
 
-void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_link *link,
+#include <stddef.h>
+
+void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
                     bool bit)
 {
-    onebit_estimate(link, agent->gain, config->threshold, config->bound, bit);
+    onebit_update(estimate, agent->gain, config->threshold, config->bound, bit);
 }
 
 onebit_probability figures_cdf(onebit_real z)
@@ -18,18 +19,15 @@ onebit_probability figures_cdf(onebit_real z)
 void figures_step(struct figures_trial *trial)
 {
     const onebit_config *config = &trial->config;
-    onebit_message message = {.sender = config->agent};
     onebit_frame frame;
     onebit_real control;
-    message.step = (uint8_t)(trial->agent.clock % ONEBIT_STEP_MODULUS);
-    onebit_encode(config, trial->x,
-                  onebit_random_word(1, 0, config->agent, trial->agent.clock ^ trial->word),
-                  &message.bit);
-    onebit_frame_encode(&config->format, &message, &frame);
+    trial->config.run = trial->word;
+    onebit_send(config, &trial->agent, trial->x, 0, &frame);
+    uint8_t step = (uint8_t)(frame.data[0] & 0xFEu);
     for (unsigned k = 0; k < NEIGHBOURS; ++k) {
         frame.identifier = ONEBIT_PAYLOAD_BASE + config->neighbours[k];
-        frame.data[0] = (uint8_t)(message.step << 1 | trial->bits[k]);
-        onebit_receive(config, &trial->agent, &frame);
+        frame.data[0] = (uint8_t)(step | trial->bits[k]);
+        onebit_receive(config, &trial->agent, &frame, ONEBIT_ALL_LINKED, NULL);
     }
-    onebit_control(config, &trial->agent, trial->x, &control);
+    onebit_control(config, &trial->agent, trial->x, ONEBIT_ALL_LINKED, &control);
 }

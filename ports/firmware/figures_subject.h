@@ -15,7 +15,7 @@
 struct figures_trial {
     onebit_config config;
     onebit_agent agent;
-    onebit_link links[NEIGHBOURS];
+    onebit_estimate estimates[NEIGHBOURS];
     onebit_real x[STATES];
     onebit_real u; /* of the CDF */
     uint32_t word;
@@ -27,7 +27,7 @@ struct figures_trial {
 #define figures_step ONEBIT_NAME(figures_step)
 
 /* The estimator update, as onebit_receive_message makes it for a neighbour that was heard. */
-void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_link *link,
+void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
                     bool bit);
 
 onebit_probability figures_cdf(onebit_real u);

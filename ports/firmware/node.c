@@ -18,8 +18,6 @@
 #define CONFIG (&onebit_config_agent_3)
 #define STATES ONEBIT_CONFIG_STATES
 
-#define SEED 1u /* of the random words, the host's by default */
-
 static const struct integer_plant plant = {
     .state_count = STATES,
     .A_fraction_bits = ONEBIT_CONFIG_PLANT_A_FRACTION_BITS,
@@ -32,7 +30,7 @@ static const struct integer_plant plant = {
 
 static int32_t x[STATES];
 static onebit_agent agent;
-static onebit_link links[ONEBIT_CONFIG_NEIGHBOURS];
+static onebit_estimate estimates[ONEBIT_CONFIG_NEIGHBOURS];
 static uint32_t check = CHECKSUM_BEGIN;
 
 /* --- the hooks of the channel: the UART --- */
@@ -65,7 +63,7 @@ static void drive(void *context, onebit_real u)
 {
     (void)context;
     for (unsigned place = 0; place < CONFIG->neighbour_count; ++place) {
-        check = checksum(check, links[place].estimate);
+        check = checksum(check, estimates[place].value);
     }
     check = checksum(check, u);
     integer_plant_step(&plant, x, u);
@@ -85,7 +83,7 @@ static void report(const struct step_loop *loop, const struct channel *channel)
     uint32_t dropped = 0;
     for (unsigned k = 0; k < ONEBIT_REFUSALS; ++k) {
         /* Other agents than the neighbours are on the bus too. */
-        refused += k == 0 ? 0 : agent.refused[k];
+        refused += k == ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_FIRST ? 0u : agent.refused[k];
     }
     for (unsigned k = 0; k < SLCAN_DROPS; ++k) {
         dropped += channel->parser.dropped[k];
@@ -114,7 +112,6 @@ int main(void)
         .config = CONFIG,
         .agent = &agent,
         .plant = {.measure = measure, .drive = drive},
-        .seed = SEED,
     };
     const struct channel_hooks uart = {.context = NULL, .put = put, .take = take};
     uart_start();
@@ -123,7 +120,7 @@ int main(void)
     for (unsigned state = 0; state < STATES; ++state) {
         x[state] = onebit_config_initial_states[(CONFIG->agent - 1) * STATES + state];
     }
-    if (onebit_start(CONFIG, &agent, links, NULL) != ONEBIT_OK) {
+    if (onebit_start(CONFIG, &agent, estimates, NULL) != ONEBIT_OK) {
         print_text("the library refuses the configuration\n");
         platform_exit(1);
     }

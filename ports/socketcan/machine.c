@@ -4,7 +4,6 @@
 #include "alignment.h"
 #include "chain.h"
 #include "group.h"
-#include "onebit_random.h"
 #include "plant.h"
 
 #include <math.h>
@@ -22,7 +21,7 @@ struct machine {
     double x[ONEBIT_STATES_MAX];
     onebit_real measured[ONEBIT_STATES_MAX];
     struct chain chain;
-    const uint8_t *linked; /* union's links in this step's graph */
+    uint32_t linked; /* bit k: neighbour k is linked in this step's graph */
     struct alignment alignment;
     struct machine_report report;
 };
@@ -53,7 +52,7 @@ static struct machine *create(const struct scenario *scenario, const struct form
     machine->scenario = scenario;
     machine->formats = *formats;
     machine->choice = *choice;
-    if (!group_build(&machine->group, scenario, formats, problem)) {
+    if (!group_build(&machine->group, scenario, formats, choice->seed, choice->run, problem)) {
         free(machine);
         return NULL;
     }
@@ -71,74 +70,43 @@ static struct machine *create(const struct scenario *scenario, const struct form
     return machine;
 }
 
-/* The frame of the bit for a receiver (0: all), drawn with the random word of `link`. */
-static void encode(const struct machine *machine, uint32_t receiver, uint32_t link,
-                   onebit_frame *frame)
-{
-    uint32_t t = machine->agent->clock;
-    onebit_message message = {
-        .sender = machine->choice.agent,
-        .receiver = receiver,
-        .step = (uint8_t)(t % ONEBIT_STEP_MODULUS),
-    };
-    onebit_encode(machine->config, machine->measured,
-                  onebit_random_word(machine->choice.seed, machine->choice.run, link, t),
-                  &message.bit);
-    onebit_frame_encode(&machine->config->format, &message, frame);
-}
-
 static uint32_t begin(struct machine *machine, onebit_frame frames[MACHINE_FRAMES_MAX])
 {
     const struct topology *topology = &machine->scenario->topology;
+    const onebit_config *config = machine->config;
     uint32_t graph = chain_graph(&machine->chain, machine->agent->clock);
-    machine->linked = &topology->linked[(size_t)graph * topology->link_count];
-    if (machine->config->format.mode != ONEBIT_LINK) {
-        encode(machine, 0, machine->choice.agent, &frames[0]);
-        return 1;
+    const uint8_t *linked = &topology->linked[(size_t)graph * topology->link_count +
+                                              topology->first_link[config->agent - 1]];
+    machine->linked = 0;
+    for (unsigned k = 0; k < config->neighbour_count; ++k) {
+        machine->linked |= (uint32_t)(linked[k] != 0) << k;
     }
+    bool link_mode = config->format.mode == ONEBIT_MODE_LINK;
     uint32_t count = 0;
-    uint32_t last = topology->first_link[machine->choice.agent];
-    for (uint32_t link = topology->first_link[machine->choice.agent - 1]; link < last; ++link) {
-        if (machine->linked[link]) {
-            encode(machine, topology->link_receiver[link], link + 1, &frames[count++]);
+    for (unsigned k = 0; k < onebit_message_count(config); ++k) {
+        if ((!link_mode || (machine->linked >> k & 1u) != 0) &&
+            onebit_send(config, machine->agent, machine->measured, k, &frames[count]) ==
+                ONEBIT_OK) {
+            ++count;
         }
     }
     return count;
 }
 
-/* The place of a number among the neighbours; their count if it is none. */
-static unsigned place_of(const onebit_config *config, uint32_t number)
-{
-    unsigned k = 0;
-    while (k < config->neighbour_count && config->neighbours[k] != number) {
-        ++k;
-    }
-    return k;
-}
-
 static bool hear(struct machine *machine, const onebit_frame *frame)
 {
-    const onebit_config *config = machine->config;
     onebit_message message;
-    if (onebit_frame_decode(&config->format, frame, &message) == ONEBIT_OK) {
-        unsigned place = place_of(config, message.sender);
-        if (place < config->neighbour_count &&
-            (config->format.mode != ONEBIT_LINK || message.receiver == config->agent)) {
-            /* The clock is the group's whether or not this step's graph has the link. */
-            alignment_hear(&machine->alignment, machine->agent->clock, &message);
-            uint32_t first = machine->scenario->topology.first_link[config->agent - 1];
-            if (!machine->linked[first + place]) {
-                ++machine->report.unlinked;
-                return false;
-            }
-        }
+    onebit_status status =
+        onebit_receive(machine->config, machine->agent, frame, machine->linked, &message);
+    if (status != ONEBIT_REFUSED_UNKNOWN && onebit_is_message(status)) {
+        /* The clock is the group's whether or not this step's graph has the link. */
+        alignment_hear(&machine->alignment, machine->agent->clock, &message);
     }
-    onebit_status status = onebit_receive(config, machine->agent, frame);
     if (status == ONEBIT_OK) {
         ++machine->report.taken;
         return true;
     }
-    ++machine->report.refused[status - ONEBIT_UNKNOWN];
+    ++machine->report.refused[status - ONEBIT_REFUSED_FIRST];
     return false;
 }
 
@@ -155,7 +123,7 @@ static void note_disagreement(struct machine *machine)
         if (machine->agent->heard >> k & 1u) {
             double estimate =
                 machine->group.sigma *
-                double_from_real(machine->agent->links[k].estimate, NOISE_FRACTION_BITS);
+                double_from_real(machine->agent->estimates[k].value, ONEBIT_NOISE_FRACTION_BITS);
             sum += (estimate - z) * (estimate - z);
             ++count;
         }
@@ -177,7 +145,7 @@ static void end(struct machine *machine, FILE *csv)
     onebit_real control = 0;
     note_disagreement(machine);
     /* A state that is not finite is refused and the clock stands: the plant then gets no input. */
-    if (onebit_control(machine->config, agent, machine->measured, &control) != ONEBIT_OK) {
+    if (onebit_control(machine->config, agent, machine->measured, ONEBIT_ALL_LINKED, &control) != ONEBIT_OK) {
         onebit_advance(machine->config, agent, 1);
     }
     double u = double_from_real(control, machine->formats.control);

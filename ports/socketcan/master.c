@@ -37,7 +37,7 @@ struct state {
 static uint32_t messages_at(struct state *state, uint32_t t)
 {
     const struct topology *topology = &state->master->scenario->topology;
-    if (state->master->scenario->format.mode != ONEBIT_LINK) {
+    if (state->master->scenario->format.mode != ONEBIT_MODE_LINK) {
         return topology->agent_count;
     }
     uint32_t graph = chain_graph(&state->chain, t);
@@ -56,11 +56,12 @@ static void receive_frames(struct state *state)
         onebit_frame frame;
         onebit_message message;
         uint64_t time;
+        uint8_t told;
         status = state->transport.receive(state->transport.context, &frame, &time);
         if (status != TRANSPORT_DONE) {
             break;
         }
-        if (onebit_frame_is_sync(&frame)) {
+        if (onebit_frame_is_sync(&state->master->scenario->format, &frame, &told)) {
             if (state->other_masters++ == 0) {
                 fputs("onebit-node: another process sends SYNC too\n", stderr);
             }
@@ -76,15 +77,15 @@ static void receive_frames(struct state *state)
 
 static bool send_sync(struct state *state, uint64_t now)
 {
+    uint32_t t = state->master->scenario->t0 + 1u + (uint32_t)state->sent;
     onebit_frame frame;
-    onebit_frame_sync(&frame);
+    onebit_frame_sync(&state->master->scenario->format, t, &frame);
     state->heard = 0;
     state->waiting = state->transport.send(state->transport.context, &frame) != TRANSPORT_DONE;
     state->try_time = now + LOOP_RETRY;
     if (state->waiting) {
         return false;
     }
-    uint32_t t = state->master->scenario->t0 + 1u + (uint32_t)state->sent;
     state->expected = state->master->period > 0 ? 0 : messages_at(state, t);
     ++state->sent;
     return true;
@@ -235,10 +236,10 @@ static bool summarize(const struct state *state, double seconds, struct problem 
 int master_run(const struct master *master, struct problem *problem)
 {
     struct state state = {.master = master};
-    bool link = master->scenario->format.mode == ONEBIT_LINK;
+    bool link = master->scenario->format.mode == ONEBIT_MODE_LINK;
     /* SYNC of others; and the group's messages where they are waited for. */
     const struct socketcan_filter filters[] = {
-        {ONEBIT_SYNC_IDENTIFIER, 0x7FF, false},
+        {master->scenario->format.sync, 0x7FF, false},
         {link ? ONEBIT_LINK_BASE : 0, link ? ONEBIT_LINK_BASE : 0, link},
     };
     if (!socketcan_open(&state.socketcan, master->interface, filters, master->period > 0 ? 1 : 2,

@@ -25,10 +25,10 @@
 
 /* Other ways in which the neighbours may send; what each is called. */
 static const onebit_format forms[] = {
-    {ONEBIT_BROADCAST, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
-    {ONEBIT_BROADCAST, ONEBIT_IN_IDENTIFIER, ONEBIT_IDENTIFIER_BASE},
-    {ONEBIT_LINK, ONEBIT_PAYLOAD, ONEBIT_PAYLOAD_BASE},
-    {ONEBIT_LINK, ONEBIT_IN_IDENTIFIER, ONEBIT_IDENTIFIER_BASE},
+    ONEBIT_FORMAT_BROADCAST_PAYLOAD,
+    ONEBIT_FORMAT_BROADCAST_IDENTIFIER,
+    ONEBIT_FORMAT_LINK_PAYLOAD,
+    ONEBIT_FORMAT_LINK_IDENTIFIER,
 };
 static const char *const form_names[] = {"broadcast, payload", "broadcast, identifier",
                                          "link, payload", "link, identifier"};
@@ -116,10 +116,10 @@ static void choose_filters(const struct node *node, struct filters *filters)
     filters->count = 0;
     add_filter(filters, CANOPEN_MANAGEMENT_IDENTIFIER, 0x7FF, false);
     if (node->nodes->sync) {
-        add_filter(filters, ONEBIT_SYNC_IDENTIFIER, 0x7FF, false);
+        add_filter(filters, format->sync, 0x7FF, false);
     }
     /* Own frames do not come back: what is heard under the own number is another node's. */
-    if (format->mode == ONEBIT_LINK) {
+    if (format->mode == ONEBIT_MODE_LINK) {
         add_filter(filters, ONEBIT_LINK_BASE + (node->agent << 14), 0x1FFFC000, true);
     } else {
         add_messages(filters, format, node->agent, 0);
@@ -316,13 +316,15 @@ static void take_message(struct node *node, const onebit_frame *frame)
 
 static void take_frame(struct node *node, const onebit_frame *frame, uint64_t time)
 {
+    uint8_t told;
     if (canopen_is_stop(frame, node->agent)) {
         if (node->in_step) {
             end_step(node);
         }
         node->ended = true;
         node->end = "stop";
-    } else if (node->nodes->sync && onebit_frame_is_sync(frame)) {
+    } else if (node->nodes->sync &&
+               onebit_frame_is_sync(&node->nodes->scenario->format, frame, &told)) {
         take_sync(node, time);
     } else {
         take_message(node, frame);

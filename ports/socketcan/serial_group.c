@@ -120,7 +120,8 @@ static void send_frames(struct group *group)
 {
     if (group->sync_waits) {
         onebit_frame frame;
-        onebit_frame_sync(&frame);
+        onebit_frame_sync(&group->nodes->scenario->format,
+                          group->nodes->scenario->t0 + 1u + (uint32_t)group->steps, &frame);
         group->sync_waits =
             group->transport.send(group->transport.context, &frame) != TRANSPORT_DONE;
     }
@@ -145,7 +146,7 @@ static uint32_t messages_from_line(struct group *group, uint32_t t)
     const struct scenario *scenario = group->nodes->scenario;
     const struct topology *topology = &scenario->topology;
     uint32_t count = 0;
-    if (scenario->format.mode != ONEBIT_LINK) {
+    if (scenario->format.mode != ONEBIT_MODE_LINK) {
         return topology->agent_count - group->nodes->agent_count;
     }
     const uint8_t *linked =
@@ -239,11 +240,12 @@ static void receive_frames(struct group *group)
 {
     onebit_frame frame;
     uint64_t time;
+    uint8_t told;
     for (int k = 0; k < LOOP_BATCH && group->transport.receive(group->transport.context, &frame,
                                                                &time) == TRANSPORT_DONE;
          ++k) {
         ++group->frames_in;
-        if (onebit_frame_is_sync(&frame)) {
+        if (onebit_frame_is_sync(&group->nodes->scenario->format, &frame, &told)) {
             if (group->other_masters++ == 0) {
                 fputs("onebit-node: another master sends SYNC too\n", stderr);
             }

@@ -1,11 +1,20 @@
 /* The summary of summary.h. */
 #include "summary.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <string.h>
 
-static const char *const refusal_names[ONEBIT_REFUSALS] = {
-    "unknown", "repeated", "stale", "early", "length", "remote", "error", "flexible"};
+/* "early" of ONEBIT_REFUSED_EARLY. */
+static void refusal_name(int place, char name[32])
+{
+    const char *code = onebit_status_name((onebit_status)(ONEBIT_REFUSED_FIRST + place));
+    size_t k = 0;
+    for (code += strlen("ONEBIT_REFUSED_"); k < 31 && code[k] != '\0'; ++k) {
+        name[k] = (char)tolower((unsigned char)code[k]);
+    }
+    name[k] = '\0';
+}
 
 cJSON *summary_object(const struct summary *summary)
 {
@@ -27,9 +36,10 @@ cJSON *summary_object(const struct summary *summary)
     cJSON_AddNumberToObject(object, "taken", (double)report->taken);
     cJSON *refused = cJSON_AddObjectToObject(object, "refused");
     for (int k = 0; k < ONEBIT_REFUSALS; ++k) {
-        cJSON_AddNumberToObject(refused, refusal_names[k], (double)report->refused[k]);
+        char name[32];
+        refusal_name(k, name);
+        cJSON_AddNumberToObject(refused, name, (double)report->refused[k]);
     }
-    cJSON_AddNumberToObject(object, "not_linked", (double)report->unlinked);
     cJSON_AddNumberToObject(object, "duplicates", (double)summary->duplicates);
     cJSON_AddNumberToObject(object, "syncs", (double)summary->syncs);
     cJSON_AddNumberToObject(object, "sync_refused", (double)summary->sync_refused);

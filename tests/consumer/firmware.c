@@ -11,7 +11,7 @@
 #define STEPS 50
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
-#define NUMBER(value, bits) ONEBIT_FIXED(value, bits)
+#define NUMBER(value, bits) ONEBIT_REAL(value, bits)
 #define VALUE(number, bits) ((double)(number) / (double)((uint64_t)1 << (bits)))
 #define COEFFICIENT(value)                                                                         \
     {                                                                                              \
@@ -32,7 +32,7 @@ int main(void)
     static const onebit_coefficient control_gain = COEFFICIENT(2);
     static onebit_config config;
     onebit_agent agent;
-    onebit_link links[2];
+    onebit_estimate links[2];
     onebit_real x = NUMBER(0.25, 26);
     onebit_real u = 0;
 
@@ -76,7 +76,7 @@ int main(void)
         if (onebit_control(&config, &agent, &x, &u) != ONEBIT_OK) {
             return 1;
         }
-        printf("%.15f %.15f %.15f\n", VALUE(links[0].estimate, 27), VALUE(links[1].estimate, 27),
+        printf("%.15f %.15f %.15f\n", VALUE(estimates[0].value, 27), VALUE(estimates[1].value, 27),
                VALUE(u, 26));
     }
     return 0;

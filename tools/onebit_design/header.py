@@ -1,4 +1,4 @@
-"""onebit_config.h: a system's constants as the library's configurations, for f32 and q31.
+"""onebit_config.h: a system's constants as the library's configurations, in every arithmetic.
 
 The q31 integers are those that sim/group.c and sim/plant.c compute from the scenario, so that
 firmware and simulator command the same bits.
@@ -50,21 +50,14 @@ def _plant(system: System, formats: Formats) -> dict:
     }
 
 
-def coefficient(value: float) -> tuple[int, int]:
-    """sim/group.c's coefficient: all 32 bits of the integer, as far as its exponent allows."""
-    _, exponent = math.frexp(value)
-    bits = min(32 - exponent, 62)
-    scaled = math.floor(math.ldexp(value, bits) + 0.5)
+def coefficient(value: float) -> tuple[float, str, int]:
+    """The number; sim/group.c's coefficient: all 32 bits of its integer, and fraction bits."""
+    fraction, exponent = math.frexp(value)
+    scaled = math.floor(math.ldexp(fraction, 32) + 0.5)
     if scaled > 2**32 - 1:  # rounded up to a power of two
         scaled //= 2
-        bits -= 1
-    return scaled, bits
-
-
-def single(value: float) -> str:
-    """The nearest float as a C literal that reads back as the same bits."""
-    text = str(np.float32(value)).lower()
-    return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
+        exponent += 1
+    return value, f"{scaled}u", 32 - exponent
 
 
 def comment(text: str) -> str:
@@ -94,34 +87,36 @@ def render(system: System, formats: Formats) -> str:
         keep_trailing_newline=True,
         autoescape=False,  # C, not HTML
     )
-    estimate = system.initial_estimate / system.sigma
-    # As in sim/group.c: (|c| + M)/sigma = 4 is allowed, and rounding must not carry it beyond.
-    threshold = np.float32(system.threshold / system.sigma)
-    bound = min(np.float32(system.bound / system.sigma), np.float32(4) - abs(threshold))
+    # As in sim/group.c: (|c| + M)/sigma = 4 is allowed, and rounding each to a float must not carry
+    # their sum beyond.
+    threshold = system.threshold / system.sigma
+    bound = system.bound / system.sigma
+    room = np.float32(4) - abs(np.float32(threshold))
+    bound_number = bound if np.float32(bound) <= room else float(room)
+    first_links = np.cumsum([1] + [len(numbers) for numbers in neighbours])
+
+    def noise(value: float) -> tuple[float, int]:
+        return value, fixed(value, NOISE_FRACTION_BITS)
+
     return environment.get_template("onebit_config.h.jinja").render(
         system=system,
         name=comment(system.name),
         formats=formats,
         room=_room,
         base=base_of(system.bus) if system.mode == "broadcast" else 0,
+        period_nanoseconds=round(system.period * 1e9),
         neighbours=neighbours,
+        # Undirected graphs: an agent sends to those that it hears.
+        first_links=[int(place) for place in first_links] if system.mode == "link" else [0] * system.agents,
         plant=_plant(system, formats) if system.integer_plant else None,
-        q31={
-            "stabilizing": [fixed(value, formats.stabilizing) for value in system.K1],
-            "compression": [fixed(value, formats.compression) for value in scaled],
-            "threshold": fixed(system.threshold / system.sigma, NOISE_FRACTION_BITS),
-            "bound": fixed(system.bound / system.sigma, NOISE_FRACTION_BITS),
-            "estimate": fixed(estimate, NOISE_FRACTION_BITS),
+        # Numbers for the floating arithmetics, each with the integer that q31 takes.
+        real={
+            "stabilizing": [(value, fixed(value, formats.stabilizing)) for value in system.K1],
+            "compression": [(value, fixed(value, formats.compression)) for value in scaled],
+            "threshold": noise(threshold),
+            "bound": (bound_number, fixed(bound, NOISE_FRACTION_BITS)),
+            "estimate": noise(system.initial_estimate / system.sigma),
             "estimator_gain": coefficient(system.beta / system.sigma),
             "control_gain": coefficient(system.gamma * system.sigma),
-        },
-        f32={
-            "stabilizing": [single(value) for value in system.K1],
-            "compression": [single(value) for value in scaled],
-            "threshold": single(threshold),
-            "bound": single(bound),
-            "estimate": single(estimate),
-            "estimator_gain": single(system.beta / system.sigma),
-            "control_gain": single(system.gamma * system.sigma),
         },
     )
