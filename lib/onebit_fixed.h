@@ -106,8 +106,8 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
 {
     unsigned divisor_places = onebit_leading_zeros(t);
     uint32_t divisor = t << divisor_places;
-    int places = 2 + coefficient.fraction_bits - (int)divisor_places +
-                 (coefficient.value < divisor);
+    int places =
+        2 + coefficient.fraction_bits - (int)divisor_places + (coefficient.value < divisor);
 
     /* 17 bits, of which the last one rounds, and may round up to 2^16. */
     uint32_t mantissa = (onebit_quotient(coefficient.value, divisor) + 1u) >> 1;
@@ -122,7 +122,8 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
  * beyond 8 units of noise saturates there: twice the largest bound, so that the projection still
  * finds it outside or 2^-27 beside it.
  */
-static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain, int32_t innovation)
+static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain,
+                                     int32_t innovation)
 {
     uint32_t fraction;
     int32_t product = onebit_scaled_signed(innovation, gain.mantissa);
@@ -174,7 +175,8 @@ static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain ga
     int64_t upper = onebit_product((int32_t)(sum >> 16), gain.mantissa);
     int64_t product =
         upper * 65536 + (uint32_t)onebit_half((uint32_t)sum, ONEBIT_LOWER) * gain.mantissa;
-    return onebit_saturate((int64_t)stabilizing + onebit_rescale(product, gain.places + 13 + shift));
+    return onebit_saturate((int64_t)stabilizing +
+                           onebit_rescale(product, gain.places + 13 + shift));
 }
 
 #endif

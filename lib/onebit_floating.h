@@ -122,7 +122,8 @@ static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_
  * estimate += gain * innovation, keeping what the addition rounds away and adding it next time
  * (Kahan): without it a step that shrinks as 1/t meets rounding that does not.
  */
-static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain, onebit_real innovation)
+static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain,
+                                     onebit_real innovation)
 {
     onebit_real increment = gain * innovation + estimate->carry;
     onebit_real value = estimate->value + increment;

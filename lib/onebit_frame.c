@@ -43,8 +43,8 @@ static inline uint32_t agent_limit(const onebit_format *format)
         return format->sync - 1u < LINK_SYNC_LAST ? LINK_AGENT_LAST : 0;
     }
     /* Agent 1 is at base + 1 or base + 2, which must not fall on SYNC or below, nor too high. */
-    if (format->base < IDENTIFIER_FIRST - 1u ||
-        format->base > IDENTIFIER_LAST - ENCODING(format) || format->sync - 1u >= format->base) {
+    if (format->base < IDENTIFIER_FIRST - 1u || format->base > IDENTIFIER_LAST - ENCODING(format) ||
+        format->sync - 1u >= format->base) {
         return 0;
     }
     return ((IDENTIFIER_LAST + 1u - format->base) >> ENCODING(format)) - 1u;

@@ -23,7 +23,8 @@ typedef enum onebit_status {
     ONEBIT_MESSAGE,     /* the agent has no message of that place: onebit_message_count */
     ONEBIT_IDENTIFIER,  /* the message has no identifier: agent number 0 or too large */
 
-    /* The configuration: the field that is wrong. Ranges stand with the fields in onebit_types.h. */
+    /* The configuration: the field that is wrong. Ranges stand with the fields in onebit_types.h.
+     */
     ONEBIT_CONFIG_FORMAT,
     ONEBIT_CONFIG_AGENT,
     ONEBIT_CONFIG_NEIGHBOURS,

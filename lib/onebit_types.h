@@ -124,7 +124,7 @@ typedef struct onebit_estimate {
 #else
 #define ONEBIT_CAST_(type, value) ((type)(value))
 #endif
-#define ONEBIT_OUT_OF_RANGE_UNLESS_(type, in_range)                                                     \
+#define ONEBIT_OUT_OF_RANGE_UNLESS_(type, in_range)                                                \
     ONEBIT_CAST_(type, 0 / ONEBIT_CAST_(int, in_range))
 #define ONEBIT_SCALED_(number, bits)                                                               \
     ((number)*ONEBIT_CAST_(double, ONEBIT_CAST_(uint64_t, 1) << (bits)))
@@ -141,8 +141,7 @@ typedef struct onebit_estimate {
      ONEBIT_REACHED_(number, 1.0 / 32768.0) + ONEBIT_REACHED_(number, 1.0 / 128.0) +               \
      ONEBIT_REACHED_(number, 2.0) + ONEBIT_REACHED_(number, 512.0) +                               \
      ONEBIT_REACHED_(number, 131072.0) + ONEBIT_REACHED_(number, 33554432.0))
-#define ONEBIT_NORMAL_(number)                                                                     \
-    (ONEBIT_LOGARITHM_(number) >= 1 && ONEBIT_LOGARITHM_(number) <= 63)
+#define ONEBIT_NORMAL_(number) (ONEBIT_LOGARITHM_(number) >= 1 && ONEBIT_LOGARITHM_(number) <= 63)
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
 #define ONEBIT_REAL(number, bits)                                                                  \
@@ -155,7 +154,7 @@ typedef struct onebit_estimate {
     {                                                                                              \
         ONEBIT_WORD_(ONEBIT_SCALED_(number, 63 - ONEBIT_LOGARITHM_(number))),                      \
             ONEBIT_CAST_(uint8_t, 63 - ONEBIT_LOGARITHM_(number) +                                 \
-                                      ONEBIT_OUT_OF_RANGE_UNLESS_(int, ONEBIT_NORMAL_(number)))              \
+                                      ONEBIT_OUT_OF_RANGE_UNLESS_(int, ONEBIT_NORMAL_(number)))    \
     }
 #define ONEBIT_REAL_AS(number, integer) (integer)
 #define ONEBIT_COEFFICIENT_AS(number, value, fraction_bits)                                        \
@@ -167,7 +166,8 @@ typedef struct onebit_estimate {
     (ONEBIT_CAST_(onebit_real, number) +                                                           \
      ONEBIT_OUT_OF_RANGE_UNLESS_(onebit_real, ONEBIT_FITS_(ONEBIT_SCALED_(number, bits))))
 #define ONEBIT_COEFFICIENT(number)                                                                 \
-    (ONEBIT_CAST_(onebit_real, number) + ONEBIT_OUT_OF_RANGE_UNLESS_(onebit_real, ONEBIT_NORMAL_(number)))
+    (ONEBIT_CAST_(onebit_real, number) +                                                           \
+     ONEBIT_OUT_OF_RANGE_UNLESS_(onebit_real, ONEBIT_NORMAL_(number)))
 #define ONEBIT_REAL_AS(number, integer) ONEBIT_CAST_(onebit_real, number)
 #define ONEBIT_COEFFICIENT_AS(number, value, fraction_bits) ONEBIT_CAST_(onebit_real, number)
 #endif
@@ -223,10 +223,10 @@ typedef struct onebit_config {
  * write through the functions of onebit.h only. All zero is an agent that was not started.
  */
 typedef struct onebit_agent {
-    onebit_estimate *estimates; /* one a neighbour, in the order of config.neighbours */
-    uint32_t clock;             /* t modulo 2^32 */
-    uint32_t heard;             /* bit k: neighbour k was heard in this step */
-    onebit_gain gain;           /* estimator_gain / t */
+    onebit_estimate *estimates;        /* one a neighbour, in the order of config.neighbours */
+    uint32_t clock;                    /* t modulo 2^32 */
+    uint32_t heard;                    /* bit k: neighbour k was heard in this step */
+    onebit_gain gain;                  /* estimator_gain / t */
     uint16_t refused[ONEBIT_REFUSALS]; /* frames by code - ONEBIT_REFUSED_FIRST; stop at 65535 */
     uint16_t saturated; /* q31: controls with K1 x, K2 x or u at an end of its range; to 65535 */
     bool wrapped;       /* t has passed 2^32 - 1: gains stay what they were there */

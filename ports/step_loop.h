@@ -43,7 +43,7 @@ struct step_loop {
     onebit_agent *agent; /* after onebit_start */
     struct transport transport;
     struct plant_hooks plant;
-    uint64_t period;     /* nanoseconds; 0: not known, then no SYNC comes too soon */
+    uint64_t period; /* nanoseconds; 0: not known, then no SYNC comes too soon */
 
     bool stopped; /* by the master, who ended the last step; nothing happens any more */
     bool in_step;

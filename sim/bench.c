@@ -177,8 +177,8 @@ int main(int argument_count, char **arguments)
     cJSON *object = cJSON_CreateObject();
     if (!json) {
         puts("            estimator    agent step   edge updates (million/s)   bytes here");
-        puts(
-            "            update (ns)  (ns)         broadcast    link          agent  estimate  config");
+        puts("            update (ns)  (ns)         broadcast    link          agent  estimate  "
+             "config");
     }
     for (int k = 0; k < ARITHMETIC_COUNT; ++k) {
         struct agent_times times = agents[k](0.5);

@@ -5,11 +5,11 @@
 #include <stddef.h>
 
 struct agent_times {
-    double update_ns;    /* one estimator update, over an array of links */
-    double step_ns;      /* one agent step: encode, 3 frames received, control; n = 4 */
-    size_t agent_bytes;  /* sizeof(onebit_agent) here */
-    size_t estimate_bytes;   /* sizeof(onebit_estimate) */
-    size_t config_bytes; /* sizeof(onebit_config) */
+    double update_ns;      /* one estimator update, over an array of links */
+    double step_ns;        /* one agent step: encode, 3 frames received, control; n = 4 */
+    size_t agent_bytes;    /* sizeof(onebit_agent) here */
+    size_t estimate_bytes; /* sizeof(onebit_estimate) */
+    size_t config_bytes;   /* sizeof(onebit_config) */
 };
 
 /* Each measures for about `seconds`, several rounds, and keeps the fastest. */

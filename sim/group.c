@@ -76,8 +76,8 @@ bool group_build(struct group *group, const struct scenario *scenario,
             real_from_double(scenario->compression[k] / scenario->sigma, formats->compression);
     }
     for (uint32_t k = 0; k < ONEBIT_NEIGHBOURS_MAX; ++k) {
-        initial[k] =
-            real_from_double(scenario->initial_estimate / scenario->sigma, ONEBIT_NOISE_FRACTION_BITS);
+        initial[k] = real_from_double(scenario->initial_estimate / scenario->sigma,
+                                      ONEBIT_NOISE_FRACTION_BITS);
     }
     for (uint32_t i = 0; i < topology->agent_count; ++i) {
         uint32_t first = topology->first_link[i];
@@ -95,7 +95,8 @@ bool group_build(struct group *group, const struct scenario *scenario,
         config->compression = group->rows + n;
         config->threshold =
             real_from_double(scenario->threshold / scenario->sigma, ONEBIT_NOISE_FRACTION_BITS);
-        config->bound = real_from_double(scenario->bound / scenario->sigma, ONEBIT_NOISE_FRACTION_BITS);
+        config->bound =
+            real_from_double(scenario->bound / scenario->sigma, ONEBIT_NOISE_FRACTION_BITS);
         /* (|c| + M)/sigma = 4 is allowed, and rounding each must not carry their sum beyond. */
         onebit_real distance = config->threshold < 0 ? -config->threshold : config->threshold;
         onebit_real room = ONEBIT_NOISE(4.0) - distance;

@@ -23,8 +23,8 @@ struct group {
     onebit_agent *agents;
     onebit_estimate *estimates; /* those of agent i begin at topology.first_link[i-1] */
     bool framed; /* all numbers fit the format; else the agents take messages (onebit_frame.h) */
-    onebit_real *rows;  /* K1, then K2 / sigma */
-    double sigma;       /* paper's units of one of the library's noise units */
+    onebit_real *rows; /* K1, then K2 / sigma */
+    double sigma;      /* paper's units of one of the library's noise units */
 };
 
 /* Builds and starts all agents of a scenario, which must outlive them, for one run of a seed. */

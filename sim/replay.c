@@ -49,8 +49,7 @@ static void end_step(struct state *state, FILE *stream)
 /* Bit k: neighbour k is linked in this step's graph. */
 static uint32_t linked_mask(const struct state *state, const onebit_config *config)
 {
-    const uint8_t *linked =
-        &state->linked[state->scenario->topology.first_link[config->agent - 1]];
+    const uint8_t *linked = &state->linked[state->scenario->topology.first_link[config->agent - 1]];
     uint32_t mask = 0;
     for (unsigned k = 0; k < config->neighbour_count; ++k) {
         mask |= (uint32_t)(linked[k] != 0) << k;

@@ -39,8 +39,7 @@ static bool begin(struct state *state, const struct run *run, struct problem *pr
     const struct topology *topology = state->topology;
     uint32_t n = scenario->state_count;
     size_t entries = (size_t)topology->agent_count * n;
-    if (!group_build(&state->group, scenario, state->formats, run->seed, run->number,
-                     problem)) {
+    if (!group_build(&state->group, scenario, state->formats, run->seed, run->number, problem)) {
         return false;
     }
     plant_build(&state->plant, scenario, state->formats);

@@ -93,21 +93,20 @@ static inline double value_in(onebit_real number, int bits)
 
 static inline onebit_real number(double value)
 {
-    return number_in(value, 27);
+    return number_in(value, ONEBIT_NOISE_FRACTION_BITS);
 }
 
 static inline double value_of(onebit_real number)
 {
-    return value_in(number, 27);
+    return value_in(number, ONEBIT_NOISE_FRACTION_BITS);
 }
 
-/* With as many of 31 bits as the format's range of fraction bits lets it have. */
+/* Normalised: 32 bits of the number. */
 static inline onebit_coefficient coefficient(double value)
 {
     int exponent;
-    (void)frexp(value, &exponent);
-    int bits = 31 - exponent > 62 ? 62 : 31 - exponent;
-    onebit_coefficient result = {(uint32_t)llrint(ldexp(value, bits)), (int8_t)bits};
+    double fraction = frexp(value, &exponent);
+    onebit_coefficient result = {(uint32_t)ldexp(fraction, 32), (uint8_t)(32 - exponent)};
     return result;
 }
 
@@ -118,13 +117,13 @@ static inline double coefficient_value(onebit_coefficient coefficient)
 
 static inline double gain_value(onebit_gain gain)
 {
-    return ldexp((double)gain.mantissa, -gain.exponent);
+    return ldexp((double)gain.mantissa, -(gain.places + 13));
 }
 
 /* With the carry: 2^-59 is exact in a double below 2^-6, and to 2^-51 up to 4. */
-static inline double link_value(const onebit_estimate *link)
+static inline double estimate_value(const onebit_estimate *estimate)
 {
-    return ldexp((double)link->estimate, -27) + ldexp((double)link->carry, -59);
+    return ldexp((double)estimate->value, -27) + ldexp((double)estimate->carry, -59);
 }
 
 #else
@@ -168,9 +167,9 @@ static inline double gain_value(onebit_gain gain)
     return (double)gain;
 }
 
-static inline double link_value(const onebit_estimate *link)
+static inline double estimate_value(const onebit_estimate *estimate)
 {
-    return (double)link->estimate + (double)link->carry;
+    return (double)estimate->value + (double)estimate->carry;
 }
 
 #endif

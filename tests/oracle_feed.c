@@ -62,14 +62,15 @@ static int feed(const struct scenario *scenario, const struct formats *formats, 
             };
             onebit_frame frame;
             if (onebit_frame_encode(&scenario->format, &message, &frame) != ONEBIT_OK ||
-                onebit_receive(&group->configs[i], &group->agents[i], &frame) != ONEBIT_OK) {
+                onebit_receive(&group->configs[i], &group->agents[i], &frame, ONEBIT_ALL_LINKED,
+                               NULL) != ONEBIT_OK) {
                 status = 1;
             }
         }
         for (uint32_t link = 0; link < topology->link_count; ++link) {
-            believed[link] =
-                scenario->sigma * double_from_real(group->estimates[link_back(topology, link)].value,
-                                                   ONEBIT_NOISE_FRACTION_BITS);
+            believed[link] = scenario->sigma *
+                             double_from_real(group->estimates[link_back(topology, link)].value,
+                                              ONEBIT_NOISE_FRACTION_BITS);
         }
         for (uint32_t i = 0; i < topology->agent_count; ++i) {
             onebit_real measured[ONEBIT_STATES_MAX];
@@ -77,7 +78,8 @@ static int feed(const struct scenario *scenario, const struct formats *formats, 
             for (uint32_t k = 0; k < n; ++k) {
                 measured[k] = real_from_double(x[(size_t)i * n + k], formats->state);
             }
-            if (onebit_control(&group->configs[i], &group->agents[i], measured, &u) != ONEBIT_OK) {
+            if (onebit_control(&group->configs[i], &group->agents[i], measured, ONEBIT_ALL_LINKED,
+                               &u) != ONEBIT_OK) {
                 status = 1;
             }
             commanded[i] = double_from_real(u, formats->control);
@@ -106,7 +108,7 @@ int main(int argument_count, char **arguments)
     }
     int status = 1;
     if (!formats_choose(&scenario, &formats, &problem) ||
-        !group_build(&group, &scenario, &formats, &problem)) {
+        !group_build(&group, &scenario, &formats, 1, 0, &problem)) {
         fail(problem.text, "scenario");
     } else {
         FILE *input = fopen(arguments[2], "rb");

@@ -19,9 +19,9 @@
  * The first two argue with the mean; the seeds are fixed. Sampling noise, common to both, is a
  * thousand times larger: unpaired runs show nothing.
  *
- * Without the carry (link->carry = 0 after each step) 93 of the 96 runs fail in q31, all of those
- * from 1e8 and 4e9 among them, by up to 230,000 times the limit; in f32 59 runs fail, 45 of the 48
- * from 1e8 and 4e9, by up to 102,000 times.
+ * Without the carry (estimate->carry = 0 after each step) 93 of the 96 runs fail in q31, all of
+ * those from 1e8 and 4e9 among them, by up to 230,000 times the limit; in f32 59 runs fail, 45 of
+ * the 48 from 1e8 and 4e9, by up to 102,000 times.
  */
 #include "onebit.h"
 
@@ -65,23 +65,23 @@ static double largest_share;
 static void check_run(const struct setting *setting, double first, double z, uint32_t t0,
                       uint64_t seed)
 {
-    onebit_estimate link = {number(first), 0};
+    onebit_estimate estimate = {number(first), 0};
     const onebit_real threshold = number(setting->threshold);
     const onebit_real bound = number(setting->bound);
     const onebit_coefficient gain = coefficient(setting->gain);
     const double probability = normal_distribution(setting->threshold - z);
-    double twin = value_of(link.estimate);
+    double twin = value_of(estimate.value);
     first = twin;
     uint32_t t = t0;
     for (unsigned step = 0; step < STEPS; ++step) {
         ++t;
         bool bit = random_unit(&seed) < probability;
-        onebit_update(&link, onebit_gain_at(gain, t), threshold, bound, bit);
+        onebit_update(&estimate, onebit_gain_at(gain, t), threshold, bound, bit);
         double distribution = 0.5 * erfc((twin - setting->threshold) * 0.70710678118654752440);
         twin += setting->gain / (double)t * (distribution - (bit ? 1.0 : 0.0));
         twin = fmin(fmax(twin, -setting->bound), setting->bound);
     }
-    double off = fabs(value_of(link.estimate) - twin);
+    double off = fabs(value_of(estimate.value) - twin);
     double density = normal_density(setting->threshold - z);
     double settled = 1.0 - pow((double)t0 / (double)t, setting->gain * density);
     double limit =

@@ -493,7 +493,8 @@ static void start_loop(uint8_t mode, uint8_t encoding)
         .neighbour_count = 3,
         .state_count = 1,
         .format = {mode, encoding,
-                   encoding == ONEBIT_ENCODING_PAYLOAD ? ONEBIT_PAYLOAD_BASE : ONEBIT_IDENTIFIER_BASE},
+                   encoding == ONEBIT_ENCODING_PAYLOAD ? ONEBIT_PAYLOAD_BASE
+                                                       : ONEBIT_IDENTIFIER_BASE},
         .stabilizing = stabilizing,
         .compression = compression,
         .threshold = 0,
@@ -571,9 +572,10 @@ static int32_t twin_step(int32_t x)
     for (unsigned k = 0; k < 3; ++k) {
         onebit_frame frame =
             message_frame(neighbours[k], twin.clock, some_bit(neighbours[k], twin.clock));
-        TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive(&config, &twin, &frame));
+        TEST_ASSERT_EQUAL(ONEBIT_OK,
+                          onebit_receive(&config, &twin, &frame, ONEBIT_ALL_LINKED, NULL));
     }
-    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_control(&config, &twin, &x, &u));
+    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_control(&config, &twin, &x, ONEBIT_ALL_LINKED, &u));
     return u;
 }
 
@@ -590,7 +592,7 @@ static void check_twin(void)
 static void check_own_message(uint32_t t, int32_t x)
 {
     bool bit;
-    onebit_encode(&config, &x, onebit_random_word(7, 0, OWN, t), &bit);
+    onebit_encode(&config, &x, 0, onebit_random_word(7, 0, OWN, t), &bit);
     onebit_frame frame = message_frame(OWN, t, bit);
     TEST_ASSERT_EQUAL_UINT(1, chip.mailbox_count);
     TEST_ASSERT_EQUAL_MEMORY(&frame, &chip.mailbox[0], sizeof frame);
@@ -600,7 +602,8 @@ static void check_own_message(uint32_t t, int32_t x)
 static void test_steps(void)
 {
     for (int ended_before = 0; ended_before < 2; ++ended_before) {
-        for (uint8_t encoding = ONEBIT_ENCODING_PAYLOAD; encoding <= ONEBIT_ENCODING_IDENTIFIER; ++encoding) {
+        for (uint8_t encoding = ONEBIT_ENCODING_PAYLOAD; encoding <= ONEBIT_ENCODING_IDENTIFIER;
+             ++encoding) {
             start_loop(ONEBIT_MODE_BROADCAST, encoding);
             for (unsigned step = 0; step < 300; ++step) {
                 uint32_t t = twin.clock;
@@ -785,7 +788,7 @@ static void test_link_mode(void)
             TEST_ASSERT_EQUAL_UINT(1, chip.mailbox_count);
             TEST_ASSERT_EQUAL(ONEBIT_OK,
                               onebit_frame_decode(&config.format, &chip.mailbox[0], &message));
-            onebit_encode(&config, &state, onebit_random_word(7, 0, 5 + k, t), &bit);
+            onebit_encode(&config, &state, 0, onebit_random_word(7, 0, 5 + k, t), &bit);
             TEST_ASSERT_EQUAL_UINT32(OWN, message.sender);
             TEST_ASSERT_EQUAL_UINT32(neighbours[k], message.receiver);
             TEST_ASSERT_EQUAL_UINT32(t % 128, message.step);

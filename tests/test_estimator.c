@@ -46,14 +46,16 @@ static void test_estimate_never_leaves_the_bound(void)
     unsigned projected = 0;
     for (unsigned trial = 0; trial < 200000; ++trial) {
         struct setting setting = random_setting(&seed);
-        onebit_estimate link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
+        onebit_estimate estimate = {number(value_of(setting.bound) * random_between(&seed, -1, 1)),
+                                    0};
         for (unsigned step = 0; step < 10; ++step) {
             onebit_gain gain = onebit_gain_at(setting.gain, setting.t);
-            onebit_update(&link, gain, setting.threshold, setting.bound,
-                            (random_word(&seed) & 1u) != 0);
-            REQUIRE(link.estimate <= setting.bound && link.estimate >= negated(setting.bound),
-                    "%.17g outside %.17g", value_of(link.estimate), value_of(setting.bound));
-            projected += link.estimate == setting.bound || link.estimate == negated(setting.bound);
+            onebit_update(&estimate, gain, setting.threshold, setting.bound,
+                          (random_word(&seed) & 1u) != 0);
+            REQUIRE(estimate.value <= setting.bound && estimate.value >= negated(setting.bound),
+                    "%.17g outside %.17g", value_of(estimate.value), value_of(setting.bound));
+            projected +=
+                estimate.value == setting.bound || estimate.value == negated(setting.bound);
         }
     }
     TEST_ASSERT_TRUE(projected > 100000); /* it was put to the test */
@@ -66,34 +68,34 @@ static void test_projection(void)
         onebit_real bound = number(random_between(&seed, 0.001, 4));
         onebit_estimate a = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
         onebit_estimate b = {number(random_between(&seed, -15, 15) * random_unit(&seed)), 1};
-        double before = fabs(value_of(a.estimate) - value_of(b.estimate));
-        bool outside = a.estimate > bound || a.estimate < negated(bound);
-        onebit_real inside = a.estimate;
+        double before = fabs(value_of(a.value) - value_of(b.value));
+        bool outside = a.value > bound || a.value < negated(bound);
+        onebit_real inside = a.value;
         onebit_project(&a, bound);
         onebit_project(&b, bound);
-        TEST_ASSERT_TRUE(a.estimate <= bound && a.estimate >= negated(bound));
+        TEST_ASSERT_TRUE(a.value <= bound && a.value >= negated(bound));
         /* Non-expansive; both differences are of numbers below 16, exact in double. */
-        TEST_ASSERT_TRUE(fabs(value_of(a.estimate) - value_of(b.estimate)) <= before);
+        TEST_ASSERT_TRUE(fabs(value_of(a.value) - value_of(b.value)) <= before);
         /* Only what lies outside moves, to the nearer bound, and loses its carry. */
         TEST_ASSERT_TRUE(a.carry == (outside ? 0 : 1));
-        TEST_ASSERT_TRUE(outside ? (inside > 0 ? a.estimate == bound : a.estimate == negated(bound))
-                                 : a.estimate == inside);
+        TEST_ASSERT_TRUE(outside ? (inside > 0 ? a.value == bound : a.value == negated(bound))
+                                 : a.value == inside);
         /* Idempotent. */
         onebit_estimate again = a;
         onebit_project(&again, bound);
-        TEST_ASSERT_TRUE(again.estimate == a.estimate && again.carry == a.carry);
+        TEST_ASSERT_TRUE(again.value == a.value && again.carry == a.carry);
     }
 }
 
 static void test_projection_leaves_the_bounds_themselves(void)
 {
     onebit_real bound = number(1.5);
-    onebit_estimate link = {bound, 1};
-    onebit_project(&link, bound);
-    TEST_ASSERT_TRUE(link.estimate == bound && link.carry == 1);
-    link.estimate = negated(bound);
-    onebit_project(&link, bound);
-    TEST_ASSERT_TRUE(link.estimate == negated(bound) && link.carry == 1);
+    onebit_estimate estimate = {bound, 1};
+    onebit_project(&estimate, bound);
+    TEST_ASSERT_TRUE(estimate.value == bound && estimate.carry == 1);
+    estimate.value = negated(bound);
+    onebit_project(&estimate, bound);
+    TEST_ASSERT_TRUE(estimate.value == negated(bound) && estimate.carry == 1);
 }
 
 /*
@@ -113,20 +115,21 @@ static void test_formula(void)
     unsigned inside = 0;
     for (unsigned trial = 0; trial < 300000; ++trial) {
         struct setting setting = random_setting(&seed);
-        onebit_estimate link = {number(value_of(setting.bound) * random_between(&seed, -1, 1)), 0};
+        onebit_estimate estimate = {number(value_of(setting.bound) * random_between(&seed, -1, 1)),
+                                    0};
         for (unsigned step = 0; step < 4; ++step) {
             bool bit = (random_word(&seed) & 1u) != 0;
             double gain = coefficient_value(setting.gain) / (double)setting.t;
             double bound = value_of(setting.bound);
             double innovation =
-                normal_distribution(value_of(setting.threshold) - value_of(link.estimate)) -
+                normal_distribution(value_of(setting.threshold) - value_of(estimate.value)) -
                 (bit ? 1.0 : 0.0);
             double increment = gain * innovation;
-            double expected = link_value(&link) + increment;
+            double expected = estimate_value(&estimate) + increment;
             expected = fmin(fmax(expected, -bound), bound);
 
-            onebit_update(&link, onebit_gain_at(setting.gain, setting.t), setting.threshold,
-                            setting.bound, bit);
+            onebit_update(&estimate, onebit_gain_at(setting.gain, setting.t), setting.threshold,
+                          setting.bound, bit);
             double tolerance = gain * DISTRIBUTION_ERROR + 0x1p-52 * (fabs(increment) + 4);
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
             tolerance += fabs(increment) * GAIN_ERROR + gain * 0x1p-30 + 0x1p-27;
@@ -135,9 +138,9 @@ static void test_formula(void)
 #else
             tolerance += fabs(increment) * (GAIN_ERROR + 3 * 0x1p-53) + fabs(expected) * 0x1p-53;
 #endif
-            REQUIRE(fabs(value_of(link.estimate) - expected) <= tolerance,
+            REQUIRE(fabs(value_of(estimate.value) - expected) <= tolerance,
                     "gain %g: %.12g instead of %.12g, tolerance %.3g", gain,
-                    value_of(link.estimate), expected, tolerance);
+                    value_of(estimate.value), expected, tolerance);
             inside += fabs(expected) < bound;
         }
     }
@@ -156,12 +159,12 @@ static void test_direction(void)
         onebit_estimate one = {start, 0};
         onebit_update(&zero, gain, setting.threshold, setting.bound, false);
         onebit_update(&one, gain, setting.threshold, setting.bound, true);
-        TEST_ASSERT_TRUE(zero.estimate >= start);
-        TEST_ASSERT_TRUE(one.estimate <= start);
+        TEST_ASSERT_TRUE(zero.value >= start);
+        TEST_ASSERT_TRUE(one.value <= start);
         /* F and 1 - F are at least F(-4) = 3.2e-5; an ulp of f32 below 4 is 2^-22. */
         if (gain_value(gain) * 3e-5 > 0x1p-22) {
-            TEST_ASSERT_TRUE(zero.estimate > start);
-            TEST_ASSERT_TRUE(one.estimate < start);
+            TEST_ASSERT_TRUE(zero.value > start);
+            TEST_ASSERT_TRUE(one.value < start);
         }
     }
 }
@@ -176,21 +179,21 @@ static void test_bits_at_the_extremes(void)
         onebit_gain gain = onebit_gain_at(coefficient(100), 1000);
         onebit_estimate high = {bound, 0};
         onebit_update(&high, gain, threshold, bound, false);
-        TEST_ASSERT_TRUE(high.estimate == bound && high.carry == 0);
+        TEST_ASSERT_TRUE(high.value == bound && high.carry == 0);
         onebit_update(&high, gain, threshold, bound, true);
-        TEST_ASSERT_TRUE(high.estimate < bound);
+        TEST_ASSERT_TRUE(high.value < bound);
         onebit_estimate low = {negated(bound), 0};
         onebit_update(&low, gain, threshold, bound, true);
-        TEST_ASSERT_TRUE(low.estimate == negated(bound) && low.carry == 0);
+        TEST_ASSERT_TRUE(low.value == negated(bound) && low.carry == 0);
         onebit_update(&low, gain, threshold, bound, false);
-        TEST_ASSERT_TRUE(low.estimate > negated(bound));
+        TEST_ASSERT_TRUE(low.value > negated(bound));
         /* The largest gain there is takes it from one bound to the other, or, where the saturated
          * step of q31 is meant, to 2^-27 beside it. */
         gain = onebit_gain_at(coefficient(65536), 1);
         onebit_update(&high, gain, threshold, bound, true);
-        TEST_ASSERT_TRUE(value_of(high.estimate) <= -value_of(bound) + 0x1p-27);
+        TEST_ASSERT_TRUE(value_of(high.value) <= -value_of(bound) + 0x1p-27);
         onebit_update(&high, gain, threshold, bound, false);
-        TEST_ASSERT_TRUE(value_of(high.estimate) >= value_of(bound) - 0x1p-27);
+        TEST_ASSERT_TRUE(value_of(high.value) >= value_of(bound) - 0x1p-27);
     }
 }
 
@@ -260,16 +263,16 @@ static void test_coefficient_valid(void)
 static void test_carry_keeps_the_remainder(void)
 {
     const double half_ulp = ONEBIT_ARITHMETIC == ONEBIT_F32 ? 0x1p-24 : 0x1p-53;
-    onebit_estimate link = {1, 0};
-    onebit_accumulate(&link, number(half_ulp), number(0.25));
-    TEST_ASSERT_TRUE(link.estimate == 1);
-    TEST_ASSERT_TRUE(link.carry == number(half_ulp * 0.25));
+    onebit_estimate estimate = {1, 0};
+    onebit_accumulate(&estimate, number(half_ulp), number(0.25));
+    TEST_ASSERT_TRUE(estimate.value == 1);
+    TEST_ASSERT_TRUE(estimate.carry == number(half_ulp * 0.25));
     for (unsigned step = 0; step < 3; ++step) {
-        onebit_accumulate(&link, number(half_ulp), number(0.75));
+        onebit_accumulate(&estimate, number(half_ulp), number(0.75));
     }
     /* 2.5 half ulps in all: one ulp and half of a half one. */
-    TEST_ASSERT_TRUE(value_of(link.estimate) == 1 + 2 * half_ulp);
-    TEST_ASSERT_TRUE(value_of(link.carry) == half_ulp * 0.5);
+    TEST_ASSERT_TRUE(value_of(estimate.value) == 1 + 2 * half_ulp);
+    TEST_ASSERT_TRUE(value_of(estimate.carry) == half_ulp * 0.5);
 }
 
 #endif

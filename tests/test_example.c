@@ -1,17 +1,18 @@
 /*
- * The README's firmware example, lib/example/pump.c, compiled as it stands: pump 1 of it and two
- * further pumps written here agree over a wire of frames.
+ * The README's firmware example, lib/example/pump.c, compiled as it stands, in each arithmetic:
+ * pump 1 of it and two further pumps written here agree over a wire of frames.
  */
 #include "pump.h"
-
-#include "onebit.h"
-#include "onebit_random.h"
 
 #include <math.h>
 #include <unity.h>
 
 #define STEPS 20000
-#define ONE_BAR 67108864.0 /* Q26 */
+#if ONEBIT_ARITHMETIC == ONEBIT_Q31
+#define BAR 67108864.0 /* Q5.26 */
+#else
+#define BAR 1.0
+#endif
 
 static onebit_frame sent[3];
 
@@ -36,12 +37,12 @@ void pump_send(const onebit_frame *frame)
 static void test_three_pumps_agree(void)
 {
     static const uint32_t neighbours[3][2] = {{2, 3}, {1, 3}, {1, 2}};
-    static const int32_t stabilizing[] = {0};
-    static const int32_t compression[] = {ONEBIT_REAL(1.0, 30)};
+    static const onebit_real stabilizing[] = {0};
+    static const onebit_real compression[] = {ONEBIT_REAL(1.0, 30)};
     onebit_config config[3];
     onebit_agent agent[3];
-    onebit_estimate links[3][2];
-    int32_t pressure[3] = {ONEBIT_REAL(1.5, 26), ONEBIT_REAL(-1.0, 26), ONEBIT_REAL(0.5, 26)};
+    onebit_estimate estimates[3][2];
+    onebit_real pressure[3] = {ONEBIT_REAL(1.5, 26), ONEBIT_REAL(-1.0, 26), ONEBIT_REAL(0.5, 26)};
     TEST_ASSERT_TRUE(pump_start());
     for (unsigned k = 1; k < 3; ++k) {
         config[k] = (onebit_config){
@@ -49,26 +50,24 @@ static void test_three_pumps_agree(void)
             .neighbours = neighbours[k],
             .neighbour_count = 2,
             .state_count = 1,
-            .format = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, ONEBIT_PAYLOAD_BASE},
+            .format = ONEBIT_FORMAT_BROADCAST_PAYLOAD,
             .stabilizing = stabilizing,
             .compression = compression,
             .threshold = 0,
-            .bound = ONEBIT_REAL(2.0, 27),
-            .estimator_gain = {25, 0},
-            .control_gain = {1, 0},
+            .bound = ONEBIT_NOISE(2.0),
+            .estimator_gain = ONEBIT_COEFFICIENT(25.0),
+            .control_gain = ONEBIT_COEFFICIENT(1.0),
             .start = 20,
             .fraction_bits = {30, 30, 26, 26},
+            .seed = 1,
         };
-        TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config[k], &agent[k], links[k], NULL));
+        TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config[k], &agent[k], estimates[k], NULL));
     }
     for (unsigned step = 0; step < STEPS; ++step) {
-        pump_step_begins(pressure[0]);
+        TEST_ASSERT_TRUE(pump_step_begins(pressure[0]));
         for (unsigned k = 1; k < 3; ++k) {
-            uint32_t t = agent[k].clock;
-            onebit_message message = {.sender = k + 1, .step = (uint8_t)(t % ONEBIT_STEP_MODULUS)};
-            onebit_encode(&config[k], &pressure[k], onebit_random_word(1, 0, k + 1, t),
-                          &message.bit);
-            onebit_frame_encode(&config[k].format, &message, &sent[k]);
+            TEST_ASSERT_EQUAL(ONEBIT_OK,
+                              onebit_send(&config[k], &agent[k], &pressure[k], 0, &sent[k]));
         }
         for (unsigned k = 0; k < 3; ++k) {
             if (k != 0) {
@@ -76,20 +75,22 @@ static void test_three_pumps_agree(void)
             }
             for (unsigned i = 1; i < 3; ++i) {
                 if (i != k) {
-                    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive(&config[i], &agent[i], &sent[k]));
+                    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_receive(&config[i], &agent[i], &sent[k],
+                                                                ONEBIT_ALL_LINKED, NULL));
                 }
             }
         }
-        pressure[0] += pump_step_ends();
+        onebit_real change;
+        TEST_ASSERT_TRUE(pump_step_ends(&change));
+        pressure[0] += change;
         for (unsigned k = 1; k < 3; ++k) {
-            int32_t change;
-            TEST_ASSERT_EQUAL(ONEBIT_OK,
-                              onebit_control(&config[k], &agent[k], &pressure[k], &change));
+            TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_control(&config[k], &agent[k], &pressure[k],
+                                                        ONEBIT_ALL_LINKED, &change));
             pressure[k] += change;
         }
     }
     for (unsigned k = 1; k < 3; ++k) {
-        TEST_ASSERT_DOUBLE_WITHIN(0.1, 0.0, (pressure[k] - pressure[0]) / ONE_BAR);
+        TEST_ASSERT_DOUBLE_WITHIN(0.1, 0.0, (double)(pressure[k] - pressure[0]) / BAR);
     }
 }
 

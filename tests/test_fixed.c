@@ -464,12 +464,12 @@ static void test_shifted(void)
 /* What one step of the estimator may do with the bits of an extreme configuration. */
 static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain, int32_t innovation)
 {
-    onebit_estimate link = {estimate, carry};
-    onebit_accumulate(&link, gain, innovation);
+    onebit_estimate estimate = {estimate, carry};
+    onebit_accumulate(&estimate, gain, innovation);
 
     /* In units of 2^-59, times 2^down so that the exact step is whole. */
     wide before = (wide)estimate * power(32) + carry;
-    wide after = (wide)link.estimate * power(32) + link.carry;
+    wide after = (wide)estimate.value * power(32) + estimate.carry;
     int down = gain.exponent > 28 ? gain.exponent - 28 : 0;
     wide exact = (wide)innovation * gain.mantissa * power(28 - gain.exponent + down);
     wide step = (after - before) * power(down);
@@ -523,13 +523,13 @@ static void test_accumulate_with_tiny_gains(void)
 {
     for (int exponent = 75; exponent <= 124; ++exponent) {
         onebit_gain gain = {0xFFFF, (int16_t)exponent};
-        onebit_estimate link = {5, 7};
-        onebit_accumulate(&link, gain, INT32_MAX);
-        TEST_ASSERT_EQUAL_INT32(5, link.estimate);
-        TEST_ASSERT_EQUAL_UINT32(7, link.carry);
-        onebit_accumulate(&link, gain, -INT32_MAX);
-        TEST_ASSERT_EQUAL_INT32(5, link.estimate);
-        TEST_ASSERT_EQUAL_UINT32(6, link.carry);
+        onebit_estimate estimate = {5, 7};
+        onebit_accumulate(&estimate, gain, INT32_MAX);
+        TEST_ASSERT_EQUAL_INT32(5, estimate.value);
+        TEST_ASSERT_EQUAL_UINT32(7, estimate.carry);
+        onebit_accumulate(&estimate, gain, -INT32_MAX);
+        TEST_ASSERT_EQUAL_INT32(5, estimate.value);
+        TEST_ASSERT_EQUAL_UINT32(6, estimate.carry);
     }
 }
 
@@ -541,9 +541,9 @@ static void test_too_large_a_step_ends_at_the_bound(void)
     for (int32_t bound = 1 << 20; bound <= 1 << 29; bound <<= 1) {
         for (unsigned k = 0; k < sizeof innovations / sizeof *innovations; ++k) {
             bool rises = innovations[k] > 0;
-            onebit_estimate link = {rises ? -bound : bound, 0};
-            onebit_accumulate(&link, gain, innovations[k]);
-            TEST_ASSERT_TRUE(rises ? link.estimate >= bound - 1 : link.estimate <= 1 - bound);
+            onebit_estimate estimate = {rises ? -bound : bound, 0};
+            onebit_accumulate(&estimate, gain, innovations[k]);
+            TEST_ASSERT_TRUE(rises ? estimate.value >= bound - 1 : estimate.value <= 1 - bound);
         }
     }
 }

@@ -8,38 +8,52 @@
 
 #include <string.h>
 
-static const onebit_format payload_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100};
-static const onebit_format identifier_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400};
-static const onebit_format link_payload_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0};
-static const onebit_format link_identifier_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0};
+#define SYNC ONEBIT_SYNC_IDENTIFIER
+
+static const onebit_format payload_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100,
+                                           SYNC};
+static const onebit_format identifier_form = {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER,
+                                              0x400, SYNC};
+static const onebit_format link_payload_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0, SYNC};
+static const onebit_format link_identifier_form = {ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0,
+                                                   SYNC};
 
 /* Both encodings, with the default base, the lowest, and the highest that leave one agent. */
 static const onebit_format broadcast_forms[] = {
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC, SYNC},
 };
 #define BROADCAST_FORMS (sizeof broadcast_forms / sizeof *broadcast_forms)
 
 static const onebit_format invalid_forms[] = {
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x07F},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x07F},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EF},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7F0},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0xFFFF},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EF},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EE},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7ED},
-    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x800},
-    {ONEBIT_MODE_BROADCAST, 2, 0x100},
-    {ONEBIT_MODE_LINK, 2, 0x100},
-    {ONEBIT_MODE_LINK, 255, 0x100},
-    {2, ONEBIT_ENCODING_PAYLOAD, 0x100},
-    {255, ONEBIT_ENCODING_IDENTIFIER, 0x400},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x07F, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x07F, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EF, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7F0, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0xFFFF, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EF, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EE, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7ED, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x800, SYNC},
+    {ONEBIT_MODE_BROADCAST, 2, 0x100, SYNC},
+    {ONEBIT_MODE_LINK, 2, 0x100, SYNC},
+    {ONEBIT_MODE_LINK, 255, 0x100, SYNC},
+    {2, ONEBIT_ENCODING_PAYLOAD, 0x100, SYNC},
+    {255, ONEBIT_ENCODING_IDENTIFIER, 0x400, SYNC},
+    /* Formats without frames, and SYNC that does not win over all messages. */
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_NONE, 0x100, SYNC},
+    {ONEBIT_MODE_LINK, ONEBIT_ENCODING_NONE, 0x100, SYNC},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100, 0},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100, 0x101},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400, 0x401},
+    {ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400, 0xFFFF},
+    {ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0, 0},
+    {ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0, 0x400},
 };
 #define INVALID_FORMS (sizeof invalid_forms / sizeof *invalid_forms)
 
@@ -137,15 +151,18 @@ static void test_agent_limits(void)
         onebit_format format;
         uint32_t limit;
     } rows[] = {
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100}, 1775}, /* 0x7EF - 0x100 */
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080}, 1903},
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE}, 1},
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400}, 503}, /* 0x400 + 2 * 503 + 1 = 0x7EF */
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x401}, 502}, /* 504 with bit 1 would be 0x7F0 */
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080}, 951},
-        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC}, 1},
-        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0}, 8191},
-        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0xFFFF}, 8191}, /* the base is not used */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x100, SYNC}, 1775}, /* 0x7EF - 0x100 */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x080, SYNC}, 1903},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 0x7EE, SYNC}, 1},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x400, SYNC},
+         503}, /* 0x400 + 2 * 503 + 1 = 0x7EF */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x401, SYNC},
+         502}, /* 504 with bit 1 would be 0x7F0 */
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x080, SYNC}, 951},
+        {{ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER, 0x7EC, SYNC}, 1},
+        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_PAYLOAD, 0, SYNC}, 8191},
+        {{ONEBIT_MODE_LINK, ONEBIT_ENCODING_IDENTIFIER, 0xFFFF, SYNC},
+         8191}, /* the base is not used */
     };
     for (unsigned k = 0; k < sizeof rows / sizeof *rows; ++k) {
         TEST_ASSERT_EQUAL_UINT32(rows[k].limit, onebit_frame_agent_limit(&rows[k].format));
@@ -161,7 +178,7 @@ static void test_limit_of_every_base(void)
 {
     for (unsigned encoding = 0; encoding < 2; ++encoding) {
         for (uint32_t base = 0; base <= UINT16_MAX; ++base) {
-            onebit_format format = {ONEBIT_MODE_BROADCAST, (uint8_t)encoding, (uint16_t)base};
+            onebit_format format = {ONEBIT_MODE_BROADCAST, (uint8_t)encoding, (uint16_t)base, 1};
             uint32_t count = 0;
             for (;;) {
                 uint32_t next = count + 1u;
@@ -235,7 +252,7 @@ static onebit_status expected_refusal(uint8_t flags, bool identifier_known, bool
         return ONEBIT_REFUSED_ERROR_FRAME;
     }
     if (((flags & ONEBIT_FRAME_EXTENDED) != 0) != extended || !identifier_known) {
-        return ONEBIT_REFUSED_UNKNOWN;
+        return ONEBIT_REFUSED_FOREIGN;
     }
     if (flags & ONEBIT_FRAME_REMOTE) {
         return ONEBIT_REFUSED_REMOTE;
@@ -313,11 +330,11 @@ static void test_wild_identifiers_in_broadcast(void)
             uint32_t identifier = random_word(&seed) >> (trial % 21u);
             if (identifier > 0x7EF) {
                 onebit_frame frame = {identifier, 0, 1, {0}};
-                check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
+                check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_FOREIGN);
             }
         }
         onebit_frame frame = {0x10000107, ONEBIT_FRAME_EXTENDED, 1, {0}};
-        check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
+        check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_FOREIGN);
     }
 }
 
@@ -382,7 +399,7 @@ static void test_wild_identifiers_in_link_mode(void)
     }
 }
 
-/* ERROR_FRAME, UNKNOWN, REMOTE, FLEXIBLE, LENGTH: one fault is taken away after the other. */
+/* ERROR_FRAME, FOREIGN, REMOTE, FLEXIBLE, LENGTH: one fault is taken away after the other. */
 static void test_order_of_refusals(void)
 {
     const onebit_format *formats[] = {&payload_form, &link_identifier_form};
@@ -392,10 +409,10 @@ static void test_order_of_refusals(void)
         onebit_frame frame = {0, (uint8_t)(kind | 0x0Eu), 8, {0}};
         check_frame(formats[k], &frame, ONEBIT_REFUSED_ERROR_FRAME);
         frame.flags = (uint8_t)(frame.flags - ONEBIT_FRAME_ERROR);
-        check_frame(formats[k], &frame, ONEBIT_REFUSED_UNKNOWN);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_FOREIGN);
         frame.identifier = known[k];
         frame.flags ^= ONEBIT_FRAME_EXTENDED;
-        check_frame(formats[k], &frame, ONEBIT_REFUSED_UNKNOWN);
+        check_frame(formats[k], &frame, ONEBIT_REFUSED_FOREIGN);
         frame.flags ^= ONEBIT_FRAME_EXTENDED;
         check_frame(formats[k], &frame, ONEBIT_REFUSED_REMOTE);
         frame.flags = (uint8_t)(frame.flags - ONEBIT_FRAME_REMOTE);
@@ -469,39 +486,99 @@ static void test_lengths_beyond_eight(void)
         TEST_ASSERT_EQUAL(length == 1 ? ONEBIT_OK : ONEBIT_REFUSED_LENGTH,
                           onebit_frame_decode(&payload_form, &frame, &message));
         frame.flags = ONEBIT_FRAME_FLEXIBLE;
-        TEST_ASSERT_EQUAL(ONEBIT_REFUSED_FLEXIBLE, onebit_frame_decode(&payload_form, &frame, &message));
+        TEST_ASSERT_EQUAL(ONEBIT_REFUSED_FLEXIBLE,
+                          onebit_frame_decode(&payload_form, &frame, &message));
     }
 }
 
-static void test_sync(void)
+static void check_sync_told(const onebit_format *format, const onebit_frame *frame, bool is_sync,
+                            uint8_t expected)
 {
-    onebit_frame frame;
-    memset(&frame, 0xA5, sizeof frame);
-    onebit_frame_sync(&frame);
-    TEST_ASSERT_EQUAL_HEX32(0x080, frame.identifier);
-    TEST_ASSERT_EQUAL_HEX8(0, frame.flags);
-    TEST_ASSERT_EQUAL_UINT8(0, frame.length);
-    TEST_ASSERT_EACH_EQUAL_HEX8(0, frame.data, 8);
-    TEST_ASSERT_TRUE(onebit_frame_is_sync(&frame));
-    for (unsigned k = 0; k < BROADCAST_FORMS; ++k) {
-        check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_UNKNOWN);
+    uint8_t step = 77;
+    TEST_ASSERT_EQUAL(is_sync, onebit_frame_is_sync(format, frame, &step));
+    TEST_ASSERT_EQUAL_UINT8(is_sync ? expected : 77, step);
+}
+
+/* Every residue, around the clock's end too: 1..128, of which 128 stands for 0. */
+static void test_sync_tells_the_step(void)
+{
+    static const uint32_t firsts[] = {1, 1000000, UINT32_MAX - 200u};
+    for (unsigned k = 0; k < sizeof firsts / sizeof *firsts; ++k) {
+        for (uint32_t t = firsts[k]; t != firsts[k] + 300u; ++t) {
+            onebit_frame frame;
+            memset(&frame, 0xA5, sizeof frame);
+            onebit_frame_sync(&payload_form, t, &frame);
+            onebit_frame expected = {0x080, 0, 1, {(uint8_t)((t + 127u) % 128u + 1u)}};
+            TEST_ASSERT_TRUE(same_frame(&expected, &frame));
+            TEST_ASSERT_EACH_EQUAL_HEX8(0, frame.data + 1, 7);
+            check_sync_told(&payload_form, &frame, true, (uint8_t)(t % 128u));
+        }
     }
-    frame.data[0] = 240; /* the counter of DLC 1 */
-    for (unsigned length = 0; length < 256; ++length) {
+}
+
+static void test_sync_and_what_is_none(void)
+{
+    onebit_frame frame = {0x080, 0, 0, {5}};
+    check_sync_told(&payload_form, &frame, true,
+                    ONEBIT_NO_STEP); /* no counter, whatever lies there */
+    frame.length = 1;
+    for (unsigned counter = 0; counter < 256; ++counter) {
+        frame.data[0] = (uint8_t)counter;
+        bool told = counter >= 1 && counter <= 128;
+        check_sync_told(&payload_form, &frame, true,
+                        told ? (uint8_t)(counter % 128u) : ONEBIT_NO_STEP);
+        for (unsigned k = 0; k < BROADCAST_FORMS; ++k) {
+            check_frame(&broadcast_forms[k], &frame, ONEBIT_REFUSED_FOREIGN);
+        }
+    }
+    for (unsigned length = 2; length < 256; ++length) {
         frame.length = (uint8_t)length;
-        TEST_ASSERT_EQUAL(length <= 1, onebit_frame_is_sync(&frame));
+        check_sync_told(&payload_form, &frame, false, 0);
     }
-    frame.length = 0;
+    frame.length = 1;
     for (unsigned flags = 1; flags < 16; ++flags) {
         frame.flags = (uint8_t)flags;
-        TEST_ASSERT_FALSE(onebit_frame_is_sync(&frame));
+        check_sync_told(&payload_form, &frame, false, 0);
     }
     frame.flags = 0;
+    onebit_format other = payload_form;
     for (uint32_t identifier = 0; identifier < 4096; ++identifier) {
         frame.identifier = identifier;
-        TEST_ASSERT_EQUAL(identifier == 0x080, onebit_frame_is_sync(&frame));
+        check_sync_told(&payload_form, &frame, identifier == 0x080, ONEBIT_NO_STEP);
+        other.sync = (uint16_t)identifier;
+        TEST_ASSERT_EQUAL(identifier >= 1 && identifier <= 0x100,
+                          onebit_frame_agent_limit(&other) != 0);
+        check_sync_told(&other, &frame, true, ONEBIT_NO_STEP);
+        onebit_frame own;
+        onebit_frame_sync(&other, 1, &own);
+        TEST_ASSERT_EQUAL_HEX32(identifier, own.identifier);
     }
-    TEST_ASSERT_FALSE(onebit_frame_is_sync(NULL));
+    uint8_t step;
+    TEST_ASSERT_FALSE(onebit_frame_is_sync(NULL, &frame, &step));
+    TEST_ASSERT_FALSE(onebit_frame_is_sync(&payload_form, NULL, &step));
+    TEST_ASSERT_FALSE(onebit_frame_is_sync(&payload_form, &frame, NULL));
+}
+
+/* Each code has a name, its own; the counters of refused frames are those from the first to the
+ * end. */
+static void test_names_of_the_codes(void)
+{
+    const char *names[ONEBIT_STATUS_COUNT];
+    for (int code = 0; code < ONEBIT_STATUS_COUNT; ++code) {
+        names[code] = onebit_status_name((onebit_status)code);
+        TEST_ASSERT_EQUAL_MEMORY("ONEBIT_", names[code], 7);
+        for (int other = 0; other < code; ++other) {
+            TEST_ASSERT_TRUE(strcmp(names[code], names[other]) != 0);
+        }
+        bool refused = strncmp(names[code], "ONEBIT_REFUSED_", 15) == 0;
+        TEST_ASSERT_EQUAL(refused, code >= ONEBIT_REFUSED_FIRST);
+    }
+    TEST_ASSERT_EQUAL_STRING("ONEBIT_REFUSED_EARLY", names[ONEBIT_REFUSED_EARLY]);
+    TEST_ASSERT_EQUAL_STRING("?", onebit_status_name(ONEBIT_STATUS_COUNT));
+    TEST_ASSERT_EQUAL_STRING("?", onebit_status_name((onebit_status)-1));
+    TEST_ASSERT_TRUE(onebit_is_message(ONEBIT_OK) && onebit_is_message(ONEBIT_REFUSED_UNKNOWN) &&
+                     onebit_is_message(ONEBIT_REFUSED_EARLY));
+    TEST_ASSERT_FALSE(onebit_is_message(ONEBIT_REFUSED_FLEXIBLE) || onebit_is_message(ONEBIT_NULL));
 }
 
 int main(void)
@@ -522,6 +599,8 @@ int main(void)
     RUN_TEST(test_nulls);
     RUN_TEST(test_invalid_formats);
     RUN_TEST(test_lengths_beyond_eight);
-    RUN_TEST(test_sync);
+    RUN_TEST(test_sync_tells_the_step);
+    RUN_TEST(test_sync_and_what_is_none);
+    RUN_TEST(test_names_of_the_codes);
     return UNITY_END();
 }

@@ -5,9 +5,9 @@
 #include "onebit.h"
 
 bool pump_start(void);
-bool pump_step_begins(onebit_real pressure); /* on SYNC, with the pressure just measured */
+bool pump_step_begins(onebit_real pressure);  /* on SYNC, with the pressure just measured */
 void pump_receive(const onebit_frame *frame); /* on every other frame of the bus */
-bool pump_step_ends(onebit_real *change); /* just before the next SYNC: what to apply */
+bool pump_step_ends(onebit_real *change);     /* just before the next SYNC: what to apply */
 
 void pump_send(const onebit_frame *frame); /* the board's: queues a frame for sending */
 

@@ -68,8 +68,8 @@ static void deliver(const onebit_frame *frame, unsigned sender)
 {
     for (unsigned k = 0; k < AGENTS; ++k) {
         if (k != sender) {
-            onebit_status status = onebit_receive(onebit_configs[k], &group[k].agent, frame,
-                                                  ONEBIT_ALL_LINKED, NULL);
+            onebit_status status =
+                onebit_receive(onebit_configs[k], &group[k].agent, frame, ONEBIT_ALL_LINKED, NULL);
             if (status != ONEBIT_OK && status != ONEBIT_REFUSED_UNKNOWN) {
                 fail("receive", k + 1, status);
             }
@@ -91,7 +91,8 @@ static void control(unsigned k)
 {
     struct aircraft *aircraft = &group[k];
     int32_t u = 0;
-    onebit_status status = onebit_control(onebit_configs[k], &aircraft->agent, aircraft->x, ONEBIT_ALL_LINKED, &u);
+    onebit_status status =
+        onebit_control(onebit_configs[k], &aircraft->agent, aircraft->x, ONEBIT_ALL_LINKED, &u);
     if (status != ONEBIT_OK) {
         fail("control", k + 1, status);
     }

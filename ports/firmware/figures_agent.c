@@ -52,14 +52,14 @@ static const onebit_config aircraft = {
 typedef void update_function(const onebit_config *config, const onebit_agent *agent,
                              onebit_estimate *estimate, bool bit);
 typedef onebit_probability cdf_function(onebit_real u);
-typedef onebit_status encode_function(const onebit_config *config, const onebit_real *x,
-                                      unsigned k, uint32_t word, bool *bit);
+typedef onebit_status encode_function(const onebit_config *config, const onebit_real *x, unsigned k,
+                                      uint32_t word, bool *bit);
 typedef onebit_status control_function(const onebit_config *config, onebit_agent *agent,
                                        const onebit_real *x, uint32_t linked, onebit_real *u);
 typedef void step_function(struct figures_trial *trial);
 
-static void no_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
-                      bool bit)
+static void no_update(const onebit_config *config, const onebit_agent *agent,
+                      onebit_estimate *estimate, bool bit)
 {
     (void)config;
     (void)agent;
@@ -159,7 +159,8 @@ static uint32_t count(enum operation operation, struct figures_trial *trial)
  */
 static bool count_realistic(struct figures_trial *trial, struct figure *figures)
 {
-    static const onebit_real places[NEIGHBOURS] = {ONEBIT_NOISE(-0.25), ONEBIT_NOISE(0.1), ONEBIT_NOISE(0.4)};
+    static const onebit_real places[NEIGHBOURS] = {ONEBIT_NOISE(-0.25), ONEBIT_NOISE(0.1),
+                                                   ONEBIT_NOISE(0.4)};
     trial->config = aircraft;
     if (onebit_start(&trial->config, &trial->agent, trial->estimates, NULL) != ONEBIT_OK) {
         return false;
@@ -180,8 +181,8 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
             figure_take(&figures[operation], count(operation, trial));
         }
         for (unsigned i = 0; i < NEIGHBOURS; ++i) {
-            onebit_update(&trial->estimates[i], trial->agent.gain, aircraft.threshold, aircraft.bound,
-                            trial->bits[i]);
+            onebit_update(&trial->estimates[i], trial->agent.gain, aircraft.threshold,
+                          aircraft.bound, trial->bits[i]);
         }
         onebit_advance(&trial->config, &trial->agent, (int32_t)(trial->agent.clock / 32));
     }
@@ -217,8 +218,9 @@ static void draw(struct figures_trial *trial, unsigned field)
     switch (field) {
     case 0: /* |threshold| + bound <= 4, and the estimates within the bound */
         trial->config.threshold = random_within(ONEBIT_NOISE(3.9));
-        trial->config.bound = ONEBIT_NOISE(4) - (trial->config.threshold < 0 ? -trial->config.threshold
-                                                                         : trial->config.threshold);
+        trial->config.bound =
+            ONEBIT_NOISE(4) -
+            (trial->config.threshold < 0 ? -trial->config.threshold : trial->config.threshold);
         /* fall through */
     case 1:
         for (unsigned k = 0; k < NEIGHBOURS; ++k) {

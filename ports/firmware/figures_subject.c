@@ -5,8 +5,8 @@
 
 #include <stddef.h>
 
-void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
-                    bool bit)
+void figures_update(const onebit_config *config, const onebit_agent *agent,
+                    onebit_estimate *estimate, bool bit)
 {
     onebit_update(estimate, agent->gain, config->threshold, config->bound, bit);
 }

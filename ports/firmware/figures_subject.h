@@ -27,8 +27,8 @@ struct figures_trial {
 #define figures_step ONEBIT_NAME(figures_step)
 
 /* The estimator update, as onebit_receive_message makes it for a neighbour that was heard. */
-void figures_update(const onebit_config *config, const onebit_agent *agent, onebit_estimate *estimate,
-                    bool bit);
+void figures_update(const onebit_config *config, const onebit_agent *agent,
+                    onebit_estimate *estimate, bool bit);
 
 onebit_probability figures_cdf(onebit_real u);
 

@@ -145,7 +145,8 @@ static void end(struct machine *machine, FILE *csv)
     onebit_real control = 0;
     note_disagreement(machine);
     /* A state that is not finite is refused and the clock stands: the plant then gets no input. */
-    if (onebit_control(machine->config, agent, machine->measured, ONEBIT_ALL_LINKED, &control) != ONEBIT_OK) {
+    if (onebit_control(machine->config, agent, machine->measured, ONEBIT_ALL_LINKED, &control) !=
+        ONEBIT_OK) {
         onebit_advance(machine->config, agent, 1);
     }
     double u = double_from_real(control, machine->formats.control);

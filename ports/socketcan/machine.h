@@ -25,10 +25,10 @@ struct machine_choice {
 };
 
 struct machine_report {
-    uint32_t steps;    /* completed; stops at 2^32 - 1 */
-    uint32_t clock;    /* t of the step that it is in or begins next */
-    uint64_t taken;    /* neighbours' bits that became estimates */
-    uint64_t aligned;  /* times that the clock moved to the group's */
+    uint32_t steps;                    /* completed; stops at 2^32 - 1 */
+    uint32_t clock;                    /* t of the step that it is in or begins next */
+    uint64_t taken;                    /* neighbours' bits that became estimates */
+    uint64_t aligned;                  /* times that the clock moved to the group's */
     uint64_t refused[ONEBIT_REFUSALS]; /* by code, as in onebit_agent, but not saturating */
     double disagreement; /* mean over the neighbours heard in the last step in which any was of
                             (zhat - K2 x)^2, the paper's units; NaN while none was */

@@ -69,11 +69,11 @@ int main(void)
             message.step = (uint8_t)(agent.clock % ONEBIT_STEP_MODULUS);
             message.bit = (7 * agent.clock + 3 * sender) % 5 < 2;
             if (onebit_frame_encode(&config.format, &message, &frame) != ONEBIT_OK ||
-                onebit_receive(&config, &agent, &frame) != ONEBIT_OK) {
+                onebit_receive(&config, &agent, &frame, ONEBIT_ALL_LINKED, NULL) != ONEBIT_OK) {
                 return 1;
             }
         }
-        if (onebit_control(&config, &agent, &x, &u) != ONEBIT_OK) {
+        if (onebit_control(&config, &agent, &x, ONEBIT_ALL_LINKED, &u) != ONEBIT_OK) {
             return 1;
         }
         printf("%.15f %.15f %.15f\n", VALUE(estimates[0].value, 27), VALUE(estimates[1].value, 27),
