@@ -70,6 +70,23 @@ static struct machine *create(const struct scenario *scenario, const struct form
     return machine;
 }
 
+/* Moves the clock by the steps that an alignment asks for. */
+static void move_clock(struct machine *machine, int32_t steps)
+{
+    if (steps != 0) {
+        onebit_advance(machine->config, machine->agent, steps);
+        ++machine->report.aligned;
+    }
+}
+
+static void align(struct machine *machine, uint8_t step)
+{
+    if (step != ONEBIT_NO_STEP) {
+        move_clock(machine, alignment_sync(&machine->alignment, step, machine->agent->clock,
+                                           machine->config->start + 1u));
+    }
+}
+
 static uint32_t begin(struct machine *machine, onebit_frame frames[MACHINE_FRAMES_MAX])
 {
     const struct topology *topology = &machine->scenario->topology;
@@ -157,12 +174,8 @@ static void end(struct machine *machine, FILE *csv)
     plant_step(&machine->plant, machine->x, u);
     measure(machine);
     machine->report.steps += machine->report.steps != UINT32_MAX;
-    int32_t steps = alignment_end_step(&machine->alignment, machine->config->agent, agent->clock,
-                                       machine->config->start + 1u);
-    if (steps != 0) {
-        onebit_advance(machine->config, agent, steps);
-        ++machine->report.aligned;
-    }
+    move_clock(machine, alignment_end_step(&machine->alignment, machine->config->agent,
+                                           agent->clock, machine->config->start + 1u));
 }
 
 static void miss(struct machine *machine, int32_t steps)
@@ -185,6 +198,7 @@ static uint32_t neighbours(const struct machine *machine, const uint32_t **numbe
 const struct machine_verbs ONEBIT_NAME(machine) = {
     .create = create,
     .destroy = destroy,
+    .align = align,
     .begin = begin,
     .hear = hear,
     .end = end,

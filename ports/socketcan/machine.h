@@ -43,6 +43,12 @@ struct machine_verbs {
                               const struct machine_choice *choice, struct problem *problem);
     void (*destroy)(struct machine *machine); /* null is allowed */
 
+    /*
+     * Before begin, where SYNC told the step (t modulo 128): moves the clock to the group's.
+     * ONEBIT_NO_STEP does nothing.
+     */
+    void (*align)(struct machine *machine, uint8_t step);
+
     /* Begins a step: draws its graph, encodes. Writes the frames to send, returns how many. */
     uint32_t (*begin)(struct machine *machine, onebit_frame frames[MACHINE_FRAMES_MAX]);
 

@@ -197,7 +197,8 @@ static void end_step(struct node *node)
     }
 }
 
-static void take_sync(struct node *node, uint64_t time)
+/* `step` is what SYNC told of t, modulo 128. */
+static void take_sync(struct node *node, uint64_t time, uint8_t step)
 {
     uint64_t period = (uint64_t)(node->nodes->period * LOOP_SECOND);
     /* A clock that was set back is no reason to refuse. */
@@ -215,6 +216,7 @@ static void take_sync(struct node *node, uint64_t time)
         end_step(node);
     }
     if (!node->ended) {
+        node->verbs->align(node->machine, step);
         begin_step(node, 0);
     }
 }
@@ -325,7 +327,7 @@ static void take_frame(struct node *node, const onebit_frame *frame, uint64_t ti
         node->end = "stop";
     } else if (node->nodes->sync &&
                onebit_frame_is_sync(&node->nodes->scenario->format, frame, &told)) {
-        take_sync(node, time);
+        take_sync(node, time, told);
     } else {
         take_message(node, frame);
     }

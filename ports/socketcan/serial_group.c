@@ -198,6 +198,8 @@ static void begin_step(struct group *group)
     group->expected = lock_step(group) ? messages_from_line(group, t) : 0;
     for (uint32_t k = 0; k < group->nodes->agent_count; ++k) {
         struct member *member = &group->members[k];
+        /* As SYNC, which goes to the line only, tells the others. */
+        group->verbs->align(member->machine, (uint8_t)(t % ONEBIT_STEP_MODULUS));
         member->frame_count = group->verbs->begin(member->machine, member->frames);
         member->frame_next = 0;
     }
