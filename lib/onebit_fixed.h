@@ -16,16 +16,22 @@
 typedef int32_t onebit_real;
 #define ONEBIT_REAL(number) ((onebit_real)((number)*134217728.0)) /* into Q4.27 */
 
-/* A positive constant with its own format: value * 2^-fraction_bits. */
+/* A positive constant with its own format: value * 2^-fraction_bits, 2^31 <= value < 2^32. */
 typedef struct onebit_coefficient {
     uint32_t value;
-    int8_t fraction_bits; /* -16..62 */
+    int8_t fraction_bits; /* -16..93 */
 } onebit_coefficient;
 
-/* A coefficient over t: mantissa * 2^-exponent, 2^15 <= mantissa < 2^16. */
+/* 1 / t: mantissa * 2^(leading_zeros - 63), the leading zeros those of t. */
+typedef struct onebit_reciprocal {
+    uint32_t mantissa;
+    uint8_t leading_zeros;
+} onebit_reciprocal;
+
+/* A coefficient over t: mantissa * 2^-(places + 13), 2^15 <= mantissa < 2^16. */
 typedef struct onebit_gain {
     uint16_t mantissa;
-    int16_t exponent;
+    int16_t places; /* what onebit_accumulate shifts by */
 } onebit_gain;
 
 typedef int64_t onebit_sum;
@@ -89,8 +95,8 @@ static inline int32_t onebit_rescale(int64_t value, int shift)
 
 static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
 {
-    return coefficient.value != 0 && coefficient.fraction_bits >= -16 &&
-           coefficient.fraction_bits <= 62;
+    return coefficient.value >> 31 != 0 && coefficient.fraction_bits >= -16 &&
+           coefficient.fraction_bits <= 93;
 }
 
 /* A valid coefficient is at most 2^power, 16 <= power. */
@@ -114,20 +120,56 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
     return true;
 }
 
-/* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
-static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+/*
+ * 2^63 / divisor for a divisor from 2^31 on: too small by less than 2^-24 of it, too large by less
+ * than 2^-30 (tests/test_reciprocal_sweep.c takes every divisor). A division without a division,
+ * which 8-bit and small 32-bit processors would have to link: the polynomial of second degree whose
+ * error is largest at four places, 1/99 (1 - x p(x) is Chebyshev's of third degree), and two of
+ * Newton's steps, each of which squares the error.
+ *
+ * x is the divisor's upper half, Q0.16 in [1/2, 1). Errors are signed and small: |error| < 2^29 /
+ * 90 in the first step, less than 2^-15 + 2^-13 in the second, so no product leaves 32 bits.
+ */
+static inline uint32_t onebit_inverse(uint32_t divisor)
 {
-    unsigned dividend_places = onebit_leading_zeros(coefficient.value);
-    unsigned divisor_places = onebit_leading_zeros(t);
-    uint32_t dividend = coefficient.value << dividend_places;
-    uint32_t divisor = t << divisor_places;
-    int exponent = 15 + coefficient.fraction_bits + (int)dividend_places - (int)divisor_places +
-                   (dividend < divisor);
+    uint16_t x = onebit_half(divisor, ONEBIT_UPPER);
+    /* (420 - (576 - 256 x) x) / 99 in Q3.13 */
+    uint16_t inner = (uint16_t)(47663u - onebit_half((uint32_t)x * 21183u, ONEBIT_UPPER));
+    uint16_t first = (uint16_t)(34754u - onebit_half((uint32_t)inner * x, ONEBIT_UPPER));
+    int32_t error = ((int32_t)1 << 29) - (int32_t)((uint32_t)x * first); /* Q29 */
+    uint16_t second = (uint16_t)((uint32_t)first * 4u +                  /* Q1.15 */
+                                 (uint32_t)(((int32_t)first * (int16_t)(error >> 14)) >> 13));
+    error = (int32_t)(0x80000000u - onebit_scaled(divisor, second)); /* Q31 */
+    return ((uint32_t)second << 16) + (uint32_t)(((int32_t)second * (int16_t)(error >> 4)) >> 11);
+}
 
-    /* 17 bits, of which the last one rounds, and may round up to 2^16. */
-    uint32_t mantissa = (onebit_quotient(dividend, divisor) + 1u) >> 1;
-    uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER);
-    onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(exponent - (int)excess)};
+/* 1 / t, t > 0, as exact as onebit_inverse. */
+static inline onebit_reciprocal onebit_reciprocal_of(uint32_t t)
+{
+    unsigned leading_zeros = onebit_leading_zeros(t);
+    onebit_reciprocal reciprocal = {onebit_inverse(t << leading_zeros), (uint8_t)leading_zeros};
+    return reciprocal;
+}
+
+/*
+ * coefficient / t, rounded to 16 bits. Relative error less than 2^-16 + 2^-23: half a unit of the
+ * mantissa, which is 2^15 or more, the reciprocal's error, and 2^-30 that the product loses.
+ *
+ * The reciprocal's mantissa is at least 2^31 - 2^7, so the product is at least 2^30 - 2^6 - 1 and,
+ * moved up, rounds to 2^15 or more.
+ */
+static inline onebit_gain onebit_gain_of(onebit_coefficient coefficient,
+                                         onebit_reciprocal reciprocal)
+{
+    uint32_t product = onebit_upper(coefficient.value, reciprocal.mantissa);
+    int places = 2 + coefficient.fraction_bits - (int)reciprocal.leading_zeros;
+    if (product < 0x80000000u) {
+        product <<= 1;
+        ++places;
+    }
+    uint32_t mantissa = (product >> 16) + (product >> 15 & 1u);
+    uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER); /* rounded up to 2^16 */
+    onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(places - (int)excess)};
     return gain;
 }
 
@@ -142,11 +184,11 @@ static inline void onebit_accumulate(onebit_link *link, onebit_gain gain, int32_
     uint32_t fraction;
     int32_t product = onebit_scaled_signed(innovation, gain.mantissa);
 
-    /* Q0.31 times 2^(16 - exponent) into Q4.27: the step is product / 2^(places + 1). */
-    int places = gain.exponent - 13;
+    /* Q0.31 times 2^(3 - places) into Q4.27: the step is product / 2^(places + 1). */
+    int places = gain.places;
     if ((unsigned)places > 31u) { /* one comparison for both ends, which are rare */
         if (places < 0) {
-            /* Gains up to 2^16 (onebit_check) have exponents from -1, so -places is at most 14. */
+            /* Gains up to 2^16 (onebit_check) have places from -14 on. */
             int32_t limit = INT32_MAX >> -places;
             if (product > limit || product < -limit) {
                 product = product < 0 ? -INT32_MAX : INT32_MAX;
@@ -189,7 +231,8 @@ static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain ga
     int64_t upper = onebit_product((int32_t)(sum >> 16), gain.mantissa);
     int64_t product =
         upper * 65536 + (uint32_t)onebit_half((uint32_t)sum, ONEBIT_LOWER) * gain.mantissa;
-    return onebit_saturate((int64_t)stabilizing + onebit_rescale(product, gain.exponent + shift));
+    return onebit_saturate((int64_t)stabilizing +
+                           onebit_rescale(product, gain.places + 13 + shift));
 }
 
 #endif

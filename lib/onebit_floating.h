@@ -20,6 +20,7 @@ typedef float onebit_real;
 #endif
 
 typedef onebit_real onebit_coefficient; /* beta / sigma, gamma sigma */
+typedef uint32_t onebit_reciprocal;     /* 1 / t, given as t: one division serves each gain */
 typedef onebit_real onebit_gain;        /* a coefficient over t */
 typedef onebit_real onebit_sum;         /* of differences between estimates */
 
@@ -101,9 +102,15 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
     return true;
 }
 
-static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+static inline onebit_reciprocal onebit_reciprocal_of(uint32_t t)
 {
-    return coefficient / (onebit_real)t;
+    return t;
+}
+
+static inline onebit_gain onebit_gain_of(onebit_coefficient coefficient,
+                                         onebit_reciprocal reciprocal)
+{
+    return coefficient / (onebit_real)reciprocal;
 }
 
 /*

@@ -12,7 +12,6 @@
 #define ONEBIT_PROCESSOR_H
 
 #include <limits.h>
-#include <stdbool.h>
 #include <stdint.h>
 
 /* The first instruction set of Thumb: Cortex-M0, M0+, M1 and M23 have no other. */
@@ -101,6 +100,23 @@ static inline int32_t onebit_scaled_signed(int32_t value, uint16_t factor)
                                    : onebit_scaled_signed_by_halves(value, factor);
 }
 
+/* floor(left right / 2^32). */
+static inline uint32_t onebit_upper_by_halves(uint32_t left, uint32_t right)
+{
+    uint32_t left_lower = onebit_half(left, ONEBIT_LOWER);
+    uint32_t right_upper = onebit_half(right, ONEBIT_UPPER);
+    uint32_t middle = onebit_scaled_by_halves(left, onebit_half(right, ONEBIT_LOWER));
+    uint32_t second = left_lower * right_upper + onebit_half(middle, ONEBIT_LOWER);
+    return (uint32_t)onebit_half(left, ONEBIT_UPPER) * right_upper +
+           onebit_half(middle, ONEBIT_UPPER) + onebit_half(second, ONEBIT_UPPER);
+}
+
+static inline uint32_t onebit_upper(uint32_t left, uint32_t right)
+{
+    return ONEBIT_HAS_WIDE_PRODUCT ? (uint32_t)(((uint64_t)left * right) >> 32)
+                                   : onebit_upper_by_halves(left, right);
+}
+
 /*
  * left right in 64 bits. By halves for Cortex-M0, where the compiler calls a routine of 92 bytes
  * for 64 by 64 bits; an 8-bit processor's own way is quicker than this one by 200 cycles.
@@ -175,38 +191,6 @@ static inline unsigned onebit_leading_zeros(uint32_t word)
     return (unsigned)__builtin_clzl(word) - 8u * (unsigned)(sizeof(long) - sizeof word);
 #else
     return onebit_leading_zeros_by_steps(word);
-#endif
-}
-
-/*
- * floor(2^16 dividend / divisor), or 2^17 where that would be below 2^16, so that 17 bits come out;
- * both arguments from 2^31 on. Long division by shifting, and no division routine, which 8-bit and
- * small 32-bit processors would have to link.
- */
-static inline uint32_t onebit_quotient_by_shifting(uint32_t dividend, uint32_t divisor)
-{
-    uint32_t quotient = dividend >= divisor;
-    dividend -= divisor & (0u - quotient);
-    while (quotient < 0x10000u) {
-        bool wraps =
-            (dividend >> 31) != 0; /* then 2 dividend - divisor < divisor undoes the wrap */
-        dividend <<= 1;
-        quotient <<= 1;
-        if (wraps || dividend >= divisor) {
-            dividend -= divisor;
-            quotient |= 1u;
-        }
-    }
-    return quotient;
-}
-
-/* The same number by the divider that 64-bit processors have (5 times faster in onebit-bench). */
-static inline uint32_t onebit_quotient(uint32_t dividend, uint32_t divisor)
-{
-#if UINTPTR_MAX > 0xFFFFFFFFu
-    return (uint32_t)(((uint64_t)dividend << (dividend < divisor ? 17 : 16)) / divisor);
-#else
-    return onebit_quotient_by_shifting(dividend, divisor);
 #endif
 }
 

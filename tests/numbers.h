@@ -77,8 +77,8 @@ static inline double normal_density(double u)
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
 
-/* Largest relative error of one rounding of a gain. */
-#define GAIN_ERROR 0x1p-16
+/* Largest relative error of a gain: its rounding to 16 bits, and the reciprocal. */
+#define GAIN_ERROR (0x1p-16 + 0x1p-23)
 
 /* To the nearest, with `bits` fraction bits; the caller keeps within range. */
 static inline onebit_real number_in(double value, int bits)
@@ -101,13 +101,12 @@ static inline double value_of(onebit_real number)
     return value_in(number, 27);
 }
 
-/* With as many of 31 bits as the format's range of fraction bits lets it have. */
+/* To 31 bits, so that nothing rounds up to 2^32. */
 static inline onebit_coefficient coefficient(double value)
 {
     int exponent;
-    (void)frexp(value, &exponent);
-    int bits = 31 - exponent > 62 ? 62 : 31 - exponent;
-    onebit_coefficient result = {(uint32_t)llrint(ldexp(value, bits)), (int8_t)bits};
+    double mantissa = frexp(value, &exponent);
+    onebit_coefficient result = {(uint32_t)(ldexp(mantissa, 31)) << 1, (int8_t)(32 - exponent)};
     return result;
 }
 
@@ -118,7 +117,7 @@ static inline double coefficient_value(onebit_coefficient coefficient)
 
 static inline double gain_value(onebit_gain gain)
 {
-    return ldexp((double)gain.mantissa, -gain.exponent);
+    return ldexp((double)gain.mantissa, -(gain.places + 13));
 }
 
 /* With the carry: 2^-59 is exact in a double below 2^-6, and to 2^-51 up to 4. */
@@ -174,6 +173,12 @@ static inline double link_value(const onebit_link *link)
 }
 
 #endif
+
+static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+{
+    return onebit_gain_of(coefficient, onebit_reciprocal_of(t));
+}
+
 #endif
 
 #endif
