@@ -194,6 +194,21 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
     return counted(agent, status != ONEBIT_OK ? status : take(config, agent, &message));
 }
 
+/* After 2^32 - 1 comes 2^32 - 128: residues run on, gains stay where they are. */
+static uint32_t clock_after(uint32_t clock, uint32_t steps)
+{
+    uint32_t after = clock + steps;
+    return after < clock ? after | (0u - ONEBIT_STEP_MODULUS) : after;
+}
+
+static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_t clock,
+                       onebit_reciprocal reciprocal)
+{
+    agent->clock = clock;
+    agent->heard = 0;
+    agent->gain = onebit_gain_of(config->estimator_gain, reciprocal);
+}
+
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
                              onebit_real *u)
 {
@@ -210,14 +225,17 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
     }
     onebit_real stabilizing =
         onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
-    uint32_t next = agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
-    onebit_real control = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next),
-                                         sum, CONSENSUS_SHIFT(config));
+    uint32_t next = clock_after(agent->clock, 1);
+    onebit_reciprocal reciprocal = onebit_reciprocal_of(next);
+    onebit_real control =
+        onebit_combine(stabilizing, onebit_gain_of(config->control_gain, reciprocal), sum,
+                       CONSENSUS_SHIFT(config));
     if (!onebit_finite(control)) {
         return ONEBIT_STATE;
     }
     *u = control;
-    return onebit_advance(config, agent, 1);
+    begin_step(config, agent, next, reciprocal);
+    return ONEBIT_OK;
 }
 
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
@@ -225,17 +243,15 @@ onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, i
     if (config == NULL || agent == NULL) {
         return ONEBIT_NULL;
     }
-    uint32_t clock = agent->clock + (uint32_t)steps;
+    uint32_t clock;
     if (steps < 0) {
+        clock = agent->clock + (uint32_t)steps;
         if (clock > agent->clock || clock <= config->start) {
             return ONEBIT_CLOCK;
         }
-    } else if (clock < agent->clock) {
-        /* After 2^32 - 1 comes 2^32 - 128: residues run on, gains stay where they are. */
-        clock |= 0u - ONEBIT_STEP_MODULUS;
+    } else {
+        clock = clock_after(agent->clock, (uint32_t)steps);
     }
-    agent->clock = clock;
-    agent->heard = 0;
-    agent->gain = onebit_gain_at(config->estimator_gain, clock);
+    begin_step(config, agent, clock, onebit_reciprocal_of(clock));
     return ONEBIT_OK;
 }
