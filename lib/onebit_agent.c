@@ -185,6 +185,20 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
     return counted(agent, status);
 }
 
+/*
+ * t is the clock with `wrapped` before its highest bit: 33 bits, of which the first stays 1. The
+ * clock itself runs on, so that neither residues nor random words repeat soon; the gains stay those
+ * of 2^32 - 1, whose reciprocal is then given.
+ */
+static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_t clock,
+                       bool wrapped, onebit_reciprocal reciprocal)
+{
+    agent->clock = clock;
+    agent->wrapped = wrapped;
+    agent->heard = 0;
+    agent->gain = onebit_gain_of(config->estimator_gain, reciprocal);
+}
+
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
                              uint32_t linked, onebit_real *u)
 {
@@ -206,9 +220,12 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
     }
     onebit_real stabilizing =
         onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
-    uint32_t next = agent->wrapped || agent->clock == UINT32_MAX ? UINT32_MAX : agent->clock + 1u;
-    onebit_real control = onebit_combine(stabilizing, onebit_gain_at(config->control_gain, next),
-                                         sum, CONSENSUS_SHIFT(config));
+    uint32_t next = agent->clock + 1u;
+    bool wrapped = agent->wrapped || next == 0;
+    onebit_reciprocal reciprocal = onebit_reciprocal_of(wrapped ? UINT32_MAX : next);
+    onebit_real control =
+        onebit_combine(stabilizing, onebit_gain_of(config->control_gain, reciprocal), sum,
+                       CONSENSUS_SHIFT(config));
     if (!onebit_finite(control)) {
         return ONEBIT_STATE;
     }
@@ -216,7 +233,8 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         agent->saturated = (uint16_t)(agent->saturated + (agent->saturated != UINT16_MAX));
     }
     *u = control;
-    return onebit_advance(config, agent, 1);
+    begin_step(config, agent, next, wrapped, reciprocal);
+    return ONEBIT_OK;
 }
 
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
@@ -225,10 +243,6 @@ onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, i
     if (status != ONEBIT_OK) {
         return status;
     }
-    /*
-     * t is the clock with `wrapped` before its highest bit: 33 bits, of which the first stays 1.
-     * The clock itself runs on, so that neither residues nor random words repeat soon.
-     */
     uint32_t clock = agent->clock + (uint32_t)steps;
     bool wrapped = agent->wrapped;
     if (steps < 0) {
@@ -240,9 +254,6 @@ onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, i
     } else if (clock < agent->clock) {
         wrapped = true;
     }
-    agent->clock = clock;
-    agent->wrapped = wrapped;
-    agent->heard = 0;
-    agent->gain = onebit_gain_at(config->estimator_gain, wrapped ? UINT32_MAX : clock);
+    begin_step(config, agent, clock, wrapped, onebit_reciprocal_of(wrapped ? UINT32_MAX : clock));
     return ONEBIT_OK;
 }

@@ -14,6 +14,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* 1 / t: mantissa * 2^(leading_zeros - 63), the leading zeros those of t. */
+typedef struct onebit_reciprocal {
+    uint32_t mantissa;
+    uint8_t leading_zeros;
+} onebit_reciprocal;
+
 typedef int64_t onebit_sum;
 typedef uint32_t onebit_probability; /* Q0.31 */
 
@@ -101,17 +107,55 @@ static inline bool onebit_gain_valid(onebit_gain gain, onebit_gain expected)
     return gain.mantissa == expected.mantissa && gain.places == expected.places;
 }
 
-/* coefficient / t, t > 0, correctly rounded to 16 bits: relative error at most 2^-16. */
-static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+/*
+ * 2^63 / divisor for a divisor from 2^31 on: too small by less than 2^-24 of it, too large by less
+ * than 2^-30 (tests/test_reciprocal_sweep.c takes every divisor). A division without a division,
+ * which 8-bit and small 32-bit processors would have to link: the polynomial of second degree whose
+ * error is largest at four places, 1/99 (1 - x p(x) is Chebyshev's of third degree), and two of
+ * Newton's steps, each of which squares the error.
+ *
+ * x is the divisor's upper half, Q0.16 in [1/2, 1). Errors are signed and small: |error| < 2^29 /
+ * 90 in the first step, less than 2^-15 + 2^-13 in the second, so no product leaves 32 bits.
+ */
+static inline uint32_t onebit_inverse(uint32_t divisor)
 {
-    unsigned divisor_places = onebit_leading_zeros(t);
-    uint32_t divisor = t << divisor_places;
-    int places =
-        2 + coefficient.fraction_bits - (int)divisor_places + (coefficient.value < divisor);
+    uint16_t x = onebit_half(divisor, ONEBIT_UPPER);
+    /* (420 - (576 - 256 x) x) / 99 in Q3.13 */
+    uint16_t inner = (uint16_t)(47663u - onebit_half((uint32_t)x * 21183u, ONEBIT_UPPER));
+    uint16_t first = (uint16_t)(34754u - onebit_half((uint32_t)inner * x, ONEBIT_UPPER));
+    int32_t error = ((int32_t)1 << 29) - (int32_t)((uint32_t)x * first); /* Q29 */
+    uint16_t second = (uint16_t)((uint32_t)first * 4u +                  /* Q1.15 */
+                                 (uint32_t)(((int32_t)first * (int16_t)(error >> 14)) >> 13));
+    error = (int32_t)(0x80000000u - onebit_scaled(divisor, second)); /* Q31 */
+    return ((uint32_t)second << 16) + (uint32_t)(((int32_t)second * (int16_t)(error >> 4)) >> 11);
+}
 
-    /* 17 bits, of which the last one rounds, and may round up to 2^16. */
-    uint32_t mantissa = (onebit_quotient(coefficient.value, divisor) + 1u) >> 1;
-    uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER);
+/* 1 / t, t > 0, as exact as onebit_inverse. */
+static inline onebit_reciprocal onebit_reciprocal_of(uint32_t t)
+{
+    unsigned leading_zeros = onebit_leading_zeros(t);
+    onebit_reciprocal reciprocal = {onebit_inverse(t << leading_zeros), (uint8_t)leading_zeros};
+    return reciprocal;
+}
+
+/*
+ * coefficient / t, rounded to 16 bits. Relative error less than 2^-16 + 2^-23: half a unit of the
+ * mantissa, which is 2^15 or more, the reciprocal's error, and 2^-30 that the product loses.
+ *
+ * The reciprocal's mantissa is at least 2^31 - 2^7, so the product is at least 2^30 - 2^6 - 1 and,
+ * moved up, rounds to 2^15 or more.
+ */
+static inline onebit_gain onebit_gain_of(onebit_coefficient coefficient,
+                                         onebit_reciprocal reciprocal)
+{
+    uint32_t product = onebit_upper(coefficient.value, reciprocal.mantissa);
+    int places = 2 + coefficient.fraction_bits - (int)reciprocal.leading_zeros;
+    if (product < 0x80000000u) {
+        product <<= 1;
+        ++places;
+    }
+    uint32_t mantissa = (product >> 16) + (product >> 15 & 1u);
+    uint16_t excess = onebit_half(mantissa, ONEBIT_UPPER); /* rounded up to 2^16 */
     onebit_gain gain = {(uint16_t)(mantissa >> excess), (int16_t)(places - (int)excess)};
     return gain;
 }

@@ -26,7 +26,8 @@
 -fassociative-math, /fp:fast"
 #endif
 
-typedef onebit_real onebit_sum; /* of differences between estimates */
+typedef uint32_t onebit_reciprocal; /* 1 / t, given as t: one division serves each gain */
+typedef onebit_real onebit_sum;     /* of differences between estimates */
 
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 
@@ -107,15 +108,21 @@ static inline bool onebit_at_end(onebit_real value)
     return false;
 }
 
-/* What onebit_gain_at can give. */
+/* Whether a gain is the one that belongs to a clock. */
 static inline bool onebit_gain_valid(onebit_gain gain, onebit_gain expected)
 {
     return gain == expected;
 }
 
-static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+static inline onebit_reciprocal onebit_reciprocal_of(uint32_t t)
 {
-    return coefficient / (onebit_real)t;
+    return t;
+}
+
+static inline onebit_gain onebit_gain_of(onebit_coefficient coefficient,
+                                         onebit_reciprocal reciprocal)
+{
+    return coefficient / (onebit_real)reciprocal;
 }
 
 /*

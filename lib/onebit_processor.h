@@ -3,36 +3,70 @@
  * one meaning, an exact one, so the results are the same everywhere; what differs is the way. The
  * ways that this host does not take are functions too, so that tests compare them here. Included by
  * onebit_cdf.h and onebit_fixed.h.
+ *
+ * What a processor can do is said by four macros, each 0 or 1, worked out below from what GCC and
+ * compilers like it define. For a compiler that defines none of it they are to be set with -D; a
+ * wrong one costs time and flash, never a bit of a result.
  */
 #ifndef ONEBIT_PROCESSOR_H
 #define ONEBIT_PROCESSOR_H
 
-#include <stdbool.h>
+#include <limits.h>
 #include <stdint.h>
 
-/* Cortex-M0 and AVR have no instruction for the upper half of a 32-bit product. */
-#if defined(__ARM_ARCH_6M__) || __SIZEOF_INT__ == 2
-#define ONEBIT_PRODUCT_BY_HALVES 1
+/* The first instruction set of Thumb: Cortex-M0, M0+, M1 and M23 have no other. */
+#if defined(__thumb__) && !defined(__thumb2__)
+#define ONEBIT_THUMB_1 1
 #else
-#define ONEBIT_PRODUCT_BY_HALVES 0
+#define ONEBIT_THUMB_1 0
+#endif
+
+/* An instruction multiplies 32 by 32 bits into 64, or into the upper 32. */
+#ifndef ONEBIT_HAS_WIDE_PRODUCT
+#if ONEBIT_THUMB_1 || UINT_MAX == 0xFFFFu || (defined(__riscv) && !defined(__riscv_mul))
+#define ONEBIT_HAS_WIDE_PRODUCT 0
+#else
+#define ONEBIT_HAS_WIDE_PRODUCT 1
+#endif
+#endif
+
+/* An instruction counts leading zeros, and the compiler has GCC's __builtin_clzl for it. */
+#ifndef ONEBIT_HAS_LEADING_ZEROS
+#if defined(__GNUC__) && !ONEBIT_THUMB_1 &&                                                        \
+    (defined(__ARM_FEATURE_CLZ) || UINTPTR_MAX > 0xFFFFFFFFu)
+#define ONEBIT_HAS_LEADING_ZEROS 1
+#else
+#define ONEBIT_HAS_LEADING_ZEROS 0
+#endif
+#endif
+
+/* A shift takes an instruction a place and byte, as on 8-bit processors. */
+#ifndef ONEBIT_SHIFTS_BY_ONE
+#if UINT_MAX == 0xFFFFu
+#define ONEBIT_SHIFTS_BY_ONE 1
+#else
+#define ONEBIT_SHIFTS_BY_ONE 0
+#endif
 #endif
 
 /*
- * One half of a word, as a number that the compiler sees to have 16 bits. A mask or shift in place
- * of the union leads avr-gcc to multiply 32 by 32 bits: 280 cycles more in an estimator update.
+ * One half of a word, as a number that the compiler sees to have 16 bits. Shifts need to know
+ * nothing of the order of bytes. They lead avr-gcc to multiply 32 by 32 bits, 280 cycles more in an
+ * estimator update, so an AVR, which is little-endian, takes a union.
  */
 enum { ONEBIT_LOWER = 0, ONEBIT_UPPER = 1 };
 static inline uint16_t onebit_half(uint32_t word, unsigned half)
 {
+#if defined(__AVR__)
     union {
         uint32_t word;
         uint16_t half[2];
     } both;
     both.word = word;
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-    half = 1 - half;
-#endif
     return both.half[half];
+#else
+    return (uint16_t)(half == ONEBIT_UPPER ? word >> 16 : word);
+#endif
 }
 
 /* floor(value factor / 2^16), which is below 2^32. */
@@ -46,9 +80,8 @@ static inline uint32_t onebit_scaled_by_halves(uint32_t value, uint16_t factor)
 static inline uint32_t onebit_scaled(uint32_t value, uint16_t factor)
 {
     /* The factor is moved up, so that the result is the upper word alone: one instruction. */
-    return ONEBIT_PRODUCT_BY_HALVES
-               ? onebit_scaled_by_halves(value, factor)
-               : (uint32_t)(((uint64_t)value * ((uint32_t)factor << 16)) >> 32);
+    return ONEBIT_HAS_WIDE_PRODUCT ? (uint32_t)(((uint64_t)value * ((uint32_t)factor << 16)) >> 32)
+                                   : onebit_scaled_by_halves(value, factor);
 }
 
 /* floor(value factor / 2^16) for a signed value. */
@@ -63,13 +96,30 @@ static inline int32_t onebit_scaled_signed_by_halves(int32_t value, uint16_t fac
 
 static inline int32_t onebit_scaled_signed(int32_t value, uint16_t factor)
 {
-    return ONEBIT_PRODUCT_BY_HALVES ? onebit_scaled_signed_by_halves(value, factor)
-                                    : (int32_t)(((int64_t)value * ((uint32_t)factor << 16)) >> 32);
+    return ONEBIT_HAS_WIDE_PRODUCT ? (int32_t)(((int64_t)value * ((uint32_t)factor << 16)) >> 32)
+                                   : onebit_scaled_signed_by_halves(value, factor);
+}
+
+/* floor(left right / 2^32). */
+static inline uint32_t onebit_upper_by_halves(uint32_t left, uint32_t right)
+{
+    uint32_t left_lower = onebit_half(left, ONEBIT_LOWER);
+    uint32_t right_upper = onebit_half(right, ONEBIT_UPPER);
+    uint32_t middle = onebit_scaled_by_halves(left, onebit_half(right, ONEBIT_LOWER));
+    uint32_t second = left_lower * right_upper + onebit_half(middle, ONEBIT_LOWER);
+    return (uint32_t)onebit_half(left, ONEBIT_UPPER) * right_upper +
+           onebit_half(middle, ONEBIT_UPPER) + onebit_half(second, ONEBIT_UPPER);
+}
+
+static inline uint32_t onebit_upper(uint32_t left, uint32_t right)
+{
+    return ONEBIT_HAS_WIDE_PRODUCT ? (uint32_t)(((uint64_t)left * right) >> 32)
+                                   : onebit_upper_by_halves(left, right);
 }
 
 /*
  * left right in 64 bits. By halves for Cortex-M0, where the compiler calls a routine of 92 bytes
- * for 64 by 64 bits; an AVR's own way is quicker than this one by 200 cycles.
+ * for 64 by 64 bits; an 8-bit processor's own way is quicker than this one by 200 cycles.
  */
 static inline int64_t onebit_product_by_halves(int32_t left, int32_t right)
 {
@@ -84,11 +134,8 @@ static inline int64_t onebit_product_by_halves(int32_t left, int32_t right)
 
 static inline int64_t onebit_product(int32_t left, int32_t right)
 {
-#if defined(__ARM_ARCH_6M__)
-    return onebit_product_by_halves(left, right);
-#else
-    return (int64_t)left * right;
-#endif
+    return ONEBIT_HAS_WIDE_PRODUCT || ONEBIT_SHIFTS_BY_ONE ? (int64_t)left * right
+                                                           : onebit_product_by_halves(left, right);
 }
 
 /*
@@ -113,7 +160,7 @@ static inline int32_t onebit_shifted_by_steps(int32_t value, unsigned places, ui
 
 static inline int32_t onebit_shifted(int32_t value, unsigned places, uint32_t *fraction)
 {
-#if __SIZEOF_INT__ == 2
+#if ONEBIT_SHIFTS_BY_ONE
     return onebit_shifted_by_steps(value, places, fraction);
 #else
     *fraction = (uint32_t)value << (places ^ 31u); /* 31 - places, in one instruction of RISC-V */
@@ -139,42 +186,11 @@ static inline unsigned onebit_leading_zeros_by_steps(uint32_t word)
 
 static inline unsigned onebit_leading_zeros(uint32_t word)
 {
-#if defined(__GNUC__) && (defined(__ARM_FEATURE_CLZ) || UINTPTR_MAX > 0xFFFFFFFFu)
-    return (unsigned)__builtin_clz(word);
+#if ONEBIT_HAS_LEADING_ZEROS
+    /* Of a long, which has 32 bits or more everywhere. */
+    return (unsigned)__builtin_clzl(word) - 8u * (unsigned)(sizeof(long) - sizeof word);
 #else
     return onebit_leading_zeros_by_steps(word);
-#endif
-}
-
-/*
- * floor(2^16 dividend / divisor), or 2^17 where that would be below 2^16, so that 17 bits come out;
- * both arguments from 2^31 on. Long division by shifting, and no division routine, which 8-bit and
- * small 32-bit processors would have to link.
- */
-static inline uint32_t onebit_quotient_by_shifting(uint32_t dividend, uint32_t divisor)
-{
-    uint32_t quotient = dividend >= divisor;
-    dividend -= divisor & (0u - quotient);
-    while (quotient < 0x10000u) {
-        bool wraps =
-            (dividend >> 31) != 0; /* then 2 dividend - divisor < divisor undoes the wrap */
-        dividend <<= 1;
-        quotient <<= 1;
-        if (wraps || dividend >= divisor) {
-            dividend -= divisor;
-            quotient |= 1u;
-        }
-    }
-    return quotient;
-}
-
-/* The same number by the divider that 64-bit processors have (5 times faster in onebit-bench). */
-static inline uint32_t onebit_quotient(uint32_t dividend, uint32_t divisor)
-{
-#if UINTPTR_MAX > 0xFFFFFFFFu
-    return (uint32_t)(((uint64_t)dividend << (dividend < divisor ? 17 : 16)) / divisor);
-#else
-    return onebit_quotient_by_shifting(dividend, divisor);
 #endif
 }
 

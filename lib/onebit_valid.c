@@ -17,7 +17,8 @@ bool onebit_valid(const onebit_config *config, const onebit_agent *agent)
     unsigned count = config->neighbour_count;
     uint32_t t = agent->wrapped ? UINT32_MAX : agent->clock;
     bool valid = t > config->start &&
-                 onebit_gain_valid(agent->gain, onebit_gain_at(config->estimator_gain, t));
+                 onebit_gain_valid(agent->gain,
+                                   onebit_gain_of(config->estimator_gain, onebit_reciprocal_of(t)));
     uint32_t strangers = ~(uint32_t)0 << 1 << (count - 1u);
     valid = valid && (agent->heard & strangers) == 0;
     for (unsigned k = 0; k < count; ++k) {

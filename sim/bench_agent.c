@@ -32,7 +32,7 @@ static double time_update(double seconds)
         double elapsed;
         double updates = 0;
         do {
-            onebit_gain gain = onebit_gain_at(beta, t++);
+            onebit_gain gain = onebit_gain_of(beta, onebit_reciprocal_of(t++));
             uint32_t word = onebit_random_word(1, 0, 1, t);
             for (unsigned k = 0; k < LINKS; ++k) {
                 onebit_update(&estimates[k], gain, threshold, bound, (word >> (k % 32u) & 1u) != 0);

@@ -61,6 +61,7 @@ static inline double normal_density(double u)
 
 #ifdef ONEBIT_ARITHMETIC
 #include "onebit.h"
+#include "onebit_arithmetic.h"
 
 /*
  * The largest error of the library's F. f64: erfc, and the roundings of its argument u, each worth
@@ -77,8 +78,8 @@ static inline double normal_density(double u)
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
 
-/* Largest relative error of one rounding of a gain. */
-#define GAIN_ERROR 0x1p-16
+/* Largest relative error of a gain: its rounding to 16 bits, and the reciprocal. */
+#define GAIN_ERROR (0x1p-16 + 0x1p-23)
 
 /* To the nearest, with `bits` fraction bits; the caller keeps within range. */
 static inline onebit_real number_in(double value, int bits)
@@ -173,6 +174,12 @@ static inline double estimate_value(const onebit_estimate *estimate)
 }
 
 #endif
+
+static inline onebit_gain onebit_gain_at(onebit_coefficient coefficient, uint32_t t)
+{
+    return onebit_gain_of(coefficient, onebit_reciprocal_of(t));
+}
+
 #endif
 
 #endif

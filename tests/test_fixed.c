@@ -3,7 +3,7 @@
  * inputs stand among the random ones: under the asan preset an overflow or a bad shift ends the
  * test.
  */
-#include "onebit.h"
+#include "onebit_arithmetic.h"
 
 #include "numbers.h"
 
@@ -78,6 +78,12 @@ static wide power(int exponent)
 static wide magnitude(wide value)
 {
     return value < 0 ? -value : value;
+}
+
+/* The gain is mantissa * 2^-exponent. */
+static int exponent_of(onebit_gain gain)
+{
+    return gain.places + 13;
 }
 
 static int32_t clamped(wide value)
@@ -287,14 +293,13 @@ static void test_coefficient_valid(void)
                                       65536,      65537, 0x7FFFFFFF, 0x80000000, 0x80000001,
                                       0xFFFFFFFF, 1000,  2097152,    2097153};
     for (unsigned v = 0; v < sizeof values / sizeof *values; ++v) {
-        for (int bits = -128; bits <= 127; ++bits) {
-            onebit_coefficient candidate = {values[v], (int8_t)bits};
-            bool formed = values[v] != 0 && bits >= -16 && bits <= 62;
+        for (int bits = 0; bits <= 255; ++bits) {
+            onebit_coefficient candidate = {values[v], (uint8_t)bits};
+            bool formed = values[v] >= 0x80000000u && bits <= 62;
             TEST_ASSERT_EQUAL(formed, onebit_coefficient_valid(candidate));
-            for (int limit = 16; formed && limit <= 31; ++limit) {
-                bool within = bits < 0 ? values[v] * power(-bits) <= power(limit)
-                                       : values[v] <= power(limit) * power(bits);
-                REQUIRE(onebit_coefficient_within(candidate, limit) == within,
+            for (int limit = 0; formed && limit <= 31; ++limit) {
+                bool within = values[v] <= power(limit) * power(bits);
+                REQUIRE(onebit_coefficient_within(candidate, (unsigned)limit) == within,
                         "%lu with %d bits against 2^%d", (unsigned long)values[v], bits, limit);
             }
         }
@@ -302,90 +307,106 @@ static void test_coefficient_valid(void)
 }
 
 /*
- * |mantissa 2^-exponent - value 2^-bits / t| <= 2^-16 of the true gain, and nearest: at most half a
- * unit of the mantissa. Both sides times t 2^bits, so that whole numbers are compared.
+ * "Relative error less than 2^-16 + 2^-23", in whole numbers: with both sides times t,
+ * |mantissa t 2^(bits - exponent) - value| < value (2^8 + 2) 2^-24.
  */
 static void check_gain(uint32_t value, int bits, uint32_t t)
 {
-    onebit_coefficient given = {value, (int8_t)bits};
-    onebit_gain gain = onebit_gain_at(given, t);
+    onebit_coefficient given = {value, (uint8_t)bits};
+    onebit_gain gain = onebit_gain_of(given, onebit_reciprocal_of(t));
     REQUIRE(gain.mantissa >= 0x8000u, "gain %lu / %lu is not normalised", (unsigned long)value,
             (unsigned long)t);
-    int shift = gain.exponent - bits;
-    wide actual = (wide)gain.mantissa * t;
-    wide exact = value;
-    if (shift >= 0) {
-        exact *= power(shift);
-    } else {
-        actual *= power(-shift);
-    }
-    wide unit = shift >= 0 ? (wide)t : t * power(-shift);
-    wide off = magnitude(actual - exact);
-    REQUIRE(off * 65536 <= exact, "gain %lu / %lu is off by more than 2^-16", (unsigned long)value,
+    /* value / t lies between 2^-1 and 2^32, so the exponent between bits - 18 and bits + 16. */
+    int shift = exponent_of(gain) - bits;
+    REQUIRE(shift >= -17 && shift <= 16, "exponent of %lu / %lu", (unsigned long)value,
             (unsigned long)t);
-    REQUIRE(2 * off <= unit, "gain %lu / %lu is not the nearest", (unsigned long)value,
+    wide exact = (wide)value * power(17 + shift);
+    wide actual = (wide)gain.mantissa * t * power(17);
+    REQUIRE(magnitude(actual - exact) * power(24) < exact * 258,
+            "gain %lu / %lu is off by 2^-16 + 2^-23 or more", (unsigned long)value,
             (unsigned long)t);
 }
 
-static void test_gain_at(void)
+/* Coefficients whose mantissas are small numbers, ends and neighbours of a power of two. */
+static void check_gains_at(uint32_t t)
 {
-    /* Dense: every pair of small numbers, and every t of a run's beginning. */
-    for (uint32_t value = 1; value <= 700; ++value) {
-        for (uint32_t t = 1; t <= 700; ++t) {
-            check_gain(value, 0, t);
-        }
+    static const uint32_t values[] = {0x80000000, 0x80000001, 0x8000FFFF, 0xBB800000,
+                                      0xC8000000, 0xFFFE8000, 0xFFFFFFFE, 0xFFFFFFFF};
+    for (unsigned v = 0; v < sizeof values / sizeof *values; ++v) {
+        check_gain(values[v], 31, t);
     }
-    for (uint32_t t = 1; t <= 1000000; ++t) {
-        check_gain(375, 0, t);
-        check_gain(0xFFFFFFFFu, 31, t);
+}
+
+static void test_gain_of(void)
+{
+    /*
+     * The divisor's upper half decides all but the last of Newton's steps. So each of its 2^15
+     * patterns, with the lower half at its ends and in the middle.
+     */
+    for (uint32_t upper = 0x8000; upper <= 0xFFFF; ++upper) {
+        check_gains_at(upper << 16);
+        check_gains_at(upper << 16 | 0x7FFF);
+        check_gains_at(upper << 16 | 0xFFFF);
     }
-    /* Powers of two and their neighbours, against each other and the ends. */
-    for (unsigned v = 0; v < 32; ++v) {
-        for (unsigned p = 0; p < 32; ++p) {
-            for (unsigned around = 0; around < 9; ++around) {
-                uint32_t value = ((uint32_t)1 << v) + around / 3u - 1u;
-                uint32_t t = ((uint32_t)1 << p) + around % 3u - 1u;
-                check_gain(value == 0 ? 0xFFFFFFFFu : value, 0, t == 0 ? 0xFFFFFFFFu : t);
-            }
-        }
+    /* Every t of a run's beginning, and the neighbours of every power of two. */
+    for (uint32_t t = 1; t <= 300000; ++t) {
+        check_gains_at(t);
+    }
+    for (unsigned bit = 0; bit < 32; ++bit) {
+        check_gains_at((uint32_t)1 << bit);
+        check_gains_at(((uint32_t)1 << bit) + 1u);
+        check_gains_at(0xFFFFFFFFu >> bit);
     }
     uint64_t seed = 14;
     for (unsigned trial = 0; trial < 3000000; ++trial) {
-        uint32_t value = random_word(&seed) >> random_word(&seed) % 32u;
         uint32_t t = random_word(&seed) >> random_word(&seed) % 32u;
-        int bits = (int)(random_word(&seed) % 79u) - 16;
-        check_gain(value | (value == 0), bits, t | (t == 0));
+        int bits = (int)(random_word(&seed) % 63u);
+        check_gain(random_word(&seed) | 0x80000000u, bits, t | (t == 0));
     }
-    /* Quotients just below a power of two, which round up to it. */
-    onebit_coefficient below = {0xFFFFFFFFu, 0};
-    onebit_gain gain = onebit_gain_at(below, 0x80000000u);
-    TEST_ASSERT_EQUAL_HEX16(0x8000u, gain.mantissa);
-    TEST_ASSERT_EQUAL_INT16(14, gain.exponent);
-    onebit_coefficient largest = {65536, 0};
-    TEST_ASSERT_EQUAL_INT16(-1, onebit_gain_at(largest, 1).exponent);
+    onebit_coefficient largest = {0x80000000u, 15};
+    TEST_ASSERT_EQUAL_INT16(-14, onebit_gain_of(largest, onebit_reciprocal_of(1)).places);
+    TEST_ASSERT_EQUAL_HEX16(0x8000, onebit_gain_of(largest, onebit_reciprocal_of(1)).mantissa);
 }
 
-/* The routine for processors without a divider gives the same bits, which this host does not run.
- */
-static void check_quotient(uint32_t dividend, uint32_t divisor)
+/* "Too small by less than 2^-24 of it, too large by less than 2^-30". */
+static void check_inverse(uint32_t divisor)
 {
-    uint32_t exact = (uint32_t)((wide)dividend * (dividend < divisor ? 131072 : 65536) / divisor);
-    REQUIRE(onebit_quotient_by_shifting(dividend, divisor) == exact &&
-                onebit_quotient(dividend, divisor) == exact,
-            "quotient %lu / %lu", (unsigned long)dividend, (unsigned long)divisor);
+    wide product = (wide)onebit_inverse(divisor) * divisor;
+    REQUIRE(product < power(63) + power(33) && product > power(63) - power(39), "2^63 / %lu",
+            (unsigned long)divisor);
 }
 
-static void test_quotient_by_shifting(void)
+static void test_inverse(void)
 {
-    static const uint32_t words[] = {0x80000000, 0x80000001, 0xBFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFF};
-    for (unsigned k = 0; k < sizeof words / sizeof *words; ++k) {
-        for (unsigned m = 0; m < sizeof words / sizeof *words; ++m) {
-            check_quotient(words[k], words[m]);
+    static const uint32_t lower[] = {0, 1, 0x7FFF, 0x8000, 0xFFFE, 0xFFFF};
+    for (uint32_t upper = 0x8000; upper <= 0xFFFF; ++upper) {
+        for (unsigned k = 0; k < sizeof lower / sizeof *lower; ++k) {
+            check_inverse(upper << 16 | lower[k]);
         }
     }
     uint64_t seed = 15;
     for (unsigned trial = 0; trial < 3000000; ++trial) {
-        check_quotient(random_word(&seed) | 0x80000000u, random_word(&seed) | 0x80000000u);
+        check_inverse(random_word(&seed) | 0x80000000u);
+    }
+}
+
+static void check_upper(uint32_t left, uint32_t right)
+{
+    uint32_t exact = (uint32_t)((wide)left * right >> 32);
+    REQUIRE(onebit_upper(left, right) == exact && onebit_upper_by_halves(left, right) == exact,
+            "%lu times %lu / 2^32", (unsigned long)left, (unsigned long)right);
+}
+
+static void test_upper(void)
+{
+    uint64_t seed = 22;
+    for (unsigned k = 0; k < EDGES_32; ++k) {
+        for (unsigned m = 0; m < EDGES_32; ++m) {
+            check_upper((uint32_t)edges_32[k], (uint32_t)edges_32[m]);
+        }
+    }
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        check_upper(random_word(&seed), random_word(&seed));
     }
 }
 
@@ -462,20 +483,20 @@ static void test_shifted(void)
 }
 
 /* What one step of the estimator may do with the bits of an extreme configuration. */
-static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain, int32_t innovation)
+static void check_accumulate(int32_t value, uint32_t carry, onebit_gain gain, int32_t innovation)
 {
-    onebit_estimate estimate = {estimate, carry};
+    onebit_estimate estimate = {value, carry};
     onebit_accumulate(&estimate, gain, innovation);
 
     /* In units of 2^-59, times 2^down so that the exact step is whole. */
-    wide before = (wide)estimate * power(32) + carry;
+    wide before = (wide)value * power(32) + carry;
     wide after = (wide)estimate.value * power(32) + estimate.carry;
-    int down = gain.exponent > 28 ? gain.exponent - 28 : 0;
-    wide exact = (wide)innovation * gain.mantissa * power(28 - gain.exponent + down);
+    int down = exponent_of(gain) > 28 ? exponent_of(gain) - 28 : 0;
+    wide exact = (wide)innovation * gain.mantissa * power(28 - exponent_of(gain) + down);
     wide step = (after - before) * power(down);
     /* Two floors: the product loses its lowest 16 bits, worth 2^(44 - exponent) here and at most
      * 2^-30 of the gain, then what is below 2^-59. The step is short by less than the larger. */
-    wide grain = gain.exponent < 44 ? power(44 - gain.exponent) : 1;
+    wide grain = exponent_of(gain) < 44 ? power(44 - exponent_of(gain)) : 1;
     wide limit = power(62); /* 8 units of noise */
     bool right;
     if (magnitude(exact) < limit * power(down)) {
@@ -485,8 +506,8 @@ static void check_accumulate(int32_t estimate, uint32_t carry, onebit_gain gain,
     } else {
         right = step == (exact < 0 ? -1 : 1) * (limit - power(31)); /* 2^-28 less than 8 */
     }
-    REQUIRE(right, "estimate %ld carry %lu gain %u 2^%d innovation %ld", (long)estimate,
-            (unsigned long)carry, gain.mantissa, -gain.exponent, (long)innovation);
+    REQUIRE(right, "estimate %ld carry %lu gain %u 2^%d innovation %ld", (long)value,
+            (unsigned long)carry, gain.mantissa, -exponent_of(gain), (long)innovation);
 }
 
 static void test_accumulate(void)
@@ -497,7 +518,7 @@ static void test_accumulate(void)
     /* Exponents from -1 (gain 2^16) to 62 + 31 + 31 (the smallest that a format can make). */
     for (int exponent = -1; exponent <= 124; ++exponent) {
         for (unsigned m = 0; m < sizeof mantissas / sizeof *mantissas; ++m) {
-            onebit_gain gain = {mantissas[m], (int16_t)exponent};
+            onebit_gain gain = {mantissas[m], (int16_t)(exponent - 13)};
             for (unsigned i = 0; i < EDGES_32; ++i) {
                 for (unsigned c = 0; c < sizeof carries / sizeof *carries; ++c) {
                     for (unsigned e = 0; e < sizeof estimates / sizeof *estimates; ++e) {
@@ -512,7 +533,7 @@ static void test_accumulate(void)
     uint64_t seed = 16;
     for (unsigned trial = 0; trial < 3000000; ++trial) {
         onebit_gain gain = {(uint16_t)(0x8000u | random_word(&seed)),
-                            (int16_t)(random_word(&seed) % 92u - 1u)};
+                            (int16_t)(random_word(&seed) % 92u - 14u)};
         int32_t estimate = (int32_t)(random_word(&seed) % ((1u << 30) + 1u)) - (1 << 29);
         check_accumulate(estimate, random_word(&seed), gain, (int32_t)random_size(&seed, 31));
     }
@@ -522,7 +543,7 @@ static void test_accumulate(void)
 static void test_accumulate_with_tiny_gains(void)
 {
     for (int exponent = 75; exponent <= 124; ++exponent) {
-        onebit_gain gain = {0xFFFF, (int16_t)exponent};
+        onebit_gain gain = {0xFFFF, (int16_t)(exponent - 13)};
         onebit_estimate estimate = {5, 7};
         onebit_accumulate(&estimate, gain, INT32_MAX);
         TEST_ASSERT_EQUAL_INT32(5, estimate.value);
@@ -537,7 +558,7 @@ static void test_accumulate_with_tiny_gains(void)
 static void test_too_large_a_step_ends_at_the_bound(void)
 {
     static const int32_t innovations[] = {INT32_MAX, -INT32_MAX, INT32_MAX / 3, -INT32_MAX / 3};
-    onebit_gain gain = {0x8000, -1};
+    onebit_gain gain = {0x8000, -14};
     for (int32_t bound = 1 << 20; bound <= 1 << 29; bound <<= 1) {
         for (unsigned k = 0; k < sizeof innovations / sizeof *innovations; ++k) {
             bool rises = innovations[k] > 0;
@@ -564,7 +585,7 @@ static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, in
 {
     int32_t result = onebit_combine(stabilizing, gain, sum, shift);
     wide product = (wide)sum * gain.mantissa;
-    int places = gain.exponent + shift;
+    int places = exponent_of(gain) + shift;
     places = places > 64 ? 64 : (places < -60 ? -60 : places);
     /* The consensus term is rounded and saturated by itself, then the sum saturates. */
     wide lowest;
@@ -579,7 +600,7 @@ static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, in
     }
     REQUIRE(result >= clamped(stabilizing + lowest) && result <= clamped(stabilizing + highest),
             "combine(%ld, %u 2^%d, %lld, %d) = %ld", (long)stabilizing, gain.mantissa,
-            -gain.exponent, (long long)sum, shift, (long)result);
+            -exponent_of(gain), (long long)sum, shift, (long)result);
 }
 
 /* |sum| < 2^37, exponents of every coefficient and clock, shifts of every control format. */
@@ -588,7 +609,7 @@ static void test_combine(void)
     uint64_t seed = 17;
     for (unsigned trial = 0; trial < 3000000; ++trial) {
         onebit_gain gain = {(uint16_t)(0x8000u | random_word(&seed)),
-                            (int16_t)((int)(random_word(&seed) % 160u) - 33)};
+                            (int16_t)((int)(random_word(&seed) % 160u) - 46)};
         int32_t stabilizing = trial % 4u == 0 ? edges_32[random_word(&seed) % EDGES_32]
                                               : (int32_t)random_size(&seed, 31);
         check_combine(stabilizing, gain, random_size(&seed, 37),
@@ -596,7 +617,7 @@ static void test_combine(void)
     }
     int64_t largest = ((int64_t)1 << 37) - 1;
     for (int exponent = -33; exponent <= 126; ++exponent) {
-        onebit_gain gain = {0xFFFF, (int16_t)exponent};
+        onebit_gain gain = {0xFFFF, (int16_t)(exponent - 13)};
         for (int shift = -4; shift <= 27; ++shift) {
             for (unsigned k = 0; k < EDGES_32; ++k) {
                 check_combine(edges_32[k], gain, largest, shift);
@@ -624,7 +645,7 @@ static void test_constants(void)
     static const int32_t expected[] = {-67108864, 536870899,   11, -11, 0,
                                        70369,     -1980838917, 2,  8,   786432};
     TEST_ASSERT_EQUAL_INT32_ARRAY(expected, constants, sizeof expected / sizeof *expected);
-    TEST_ASSERT_EQUAL_INT32(1 << 29, ONEBIT_REAL(4.0));
+    TEST_ASSERT_EQUAL_INT32(1 << 29, ONEBIT_NOISE(4.0));
 }
 
 int main(void)
@@ -638,8 +659,9 @@ int main(void)
     RUN_TEST(test_row_valid);
     RUN_TEST(test_dot);
     RUN_TEST(test_coefficient_valid);
-    RUN_TEST(test_gain_at);
-    RUN_TEST(test_quotient_by_shifting);
+    RUN_TEST(test_gain_of);
+    RUN_TEST(test_inverse);
+    RUN_TEST(test_upper);
     RUN_TEST(test_product);
     RUN_TEST(test_scaled);
     RUN_TEST(test_shifted);

@@ -75,10 +75,23 @@ def test_host(tmp_path, compiler, level):
     assert run(tmp_path / "aircraft") == expected()
 
 
-def test_big_endian(tmp_path):
+# Each capability of lib/onebit_processor.h as this host's compiler does not have it by itself.
+CAPABILITIES = ["ONEBIT_HAS_WIDE_PRODUCT=0", "ONEBIT_HAS_LEADING_ZEROS=0", "ONEBIT_SHIFTS_BY_ONE=1"]
+
+
+@pytest.mark.parametrize("capability", CAPABILITIES)
+def test_host_with_another_capability(tmp_path, capability):
+    need("gcc")
+    run("gcc", *FLAGS, "-O2", f"-D{capability}", *SOURCES, "-o", tmp_path / "aircraft")
+    assert run(tmp_path / "aircraft") == expected()
+
+
+# Not every compiler for a big-endian processor says with GCC's macro that it is one.
+@pytest.mark.parametrize("order", [[], ["-U__BYTE_ORDER__"]], ids=["told", "untold"])
+def test_big_endian(tmp_path, order):
     need("mips-linux-gnu-gcc", "gcc-mips-linux-gnu and libc6-dev-mips-cross")
     need("qemu-mips", "qemu-user")
     need("readelf", "binutils")
-    run(*MIPS, *FLAGS, "-O2", *SOURCES, "-o", tmp_path / "aircraft")
+    run(*MIPS, *FLAGS, "-O2", *order, *SOURCES, "-o", tmp_path / "aircraft")
     assert "big endian" in run("readelf", "-h", tmp_path / "aircraft")
     assert run("qemu-mips", tmp_path / "aircraft") == expected()

@@ -129,6 +129,41 @@ def test_every_other_option_of_a_preset_changes_the_code(commands, preset, tmp_p
     assert tried > 0 or preset == "host"
 
 
+# The capabilities of lib/onebit_processor.h that each preset's compiler is found to have.
+CAPABILITIES = {
+    "cortex-m0": {"HAS_WIDE_PRODUCT": 0, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 0},
+    "cortex-m3": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 1, "SHIFTS_BY_ONE": 0},
+    "cortex-m4f": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 1, "SHIFTS_BY_ONE": 0},
+    "rv32imac": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 0},
+    "avr5": {"HAS_WIDE_PRODUCT": 0, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 1},
+}
+
+
+@pytest.mark.parametrize(
+    ("preset", "capability"),
+    [(preset, capability) for preset, found in CAPABILITIES.items() for capability in found],
+)
+def test_a_capability_changes_the_code(commands, preset, capability, tmp_path):
+    """Set as found, it changes nothing; set otherwise, it does. Results: test_one_answer.py."""
+    found = CAPABILITIES[preset][capability]
+    before = code(commands(preset), tmp_path)
+    option = f"-DONEBIT_{capability}="
+    assert code([*commands(preset), f"{option}{found}"], tmp_path) == before
+    assert code([*commands(preset), f"{option}{1 - found}"], tmp_path) not in (None, before)
+
+
+@pytest.mark.parametrize("processor", ["cortex-m0", "cortex-m0plus", "cortex-m1", "cortex-m23"])
+def test_thumb_1_calls_no_routine_for_a_product(commands, processor, tmp_path):
+    """Cortex-M23 too, whose architecture is another: __aeabi_lmul multiplies 64 by 64 bits."""
+    for level in ("-O2", "-Os"):
+        command = replace(commands("cortex-m0"), "-mcpu=cortex-m0", f"-mcpu={processor}")
+        text = code(replace(command, "-O2", level), tmp_path)
+        assert text is not None
+        assert "__aeabi_lmul" not in text
+    # The name is the one that a processor taken for a larger one calls.
+    assert "__aeabi_lmul" in code([*command, "-DONEBIT_HAS_WIDE_PRODUCT=1"], tmp_path)
+
+
 def test_no_multiply_add_is_fused(commands, tmp_path):
     """-ffp-contract=off, on a processor that has such an instruction: Cortex-M4F's vfma."""
     command = commands("cortex-m4f", "onebit_f32")

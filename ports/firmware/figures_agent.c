@@ -267,7 +267,8 @@ static void draw(struct figures_trial *trial, unsigned field)
 /* The count of a trial after its gain has been made to fit; a step begins with nobody heard. */
 static uint32_t count_drawn(enum operation operation, struct figures_trial *trial)
 {
-    trial->agent.gain = onebit_gain_at(trial->config.estimator_gain, trial->agent.clock);
+    trial->agent.gain =
+        onebit_gain_of(trial->config.estimator_gain, onebit_reciprocal_of(trial->agent.clock));
     trial->agent.heard = operation == STEP ? 0 : trial->agent.heard;
     return count(operation, trial);
 }
