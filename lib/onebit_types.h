@@ -63,8 +63,8 @@ typedef int32_t onebit_real;
 
 /* A positive constant: value / 2^fraction_bits, in [2^-31, 2^32). */
 typedef struct onebit_coefficient {
-    uint32_t value;        /* bit 31 is set */
-    uint8_t fraction_bits; /* 0..62 */
+    uint32_t value;         /* bit 31 is set */
+    uint16_t fraction_bits; /* 0..62 */
 } onebit_coefficient;
 
 /* A coefficient over t, about mantissa / 2^(places + 13); the mantissa's bit 15 is set. */
@@ -153,8 +153,8 @@ typedef struct onebit_estimate {
 #define ONEBIT_COEFFICIENT(number)                                                                 \
     {                                                                                              \
         ONEBIT_WORD_(ONEBIT_SCALED_(number, 63 - ONEBIT_LOGARITHM_(number))),                      \
-            ONEBIT_CAST_(uint8_t, 63 - ONEBIT_LOGARITHM_(number) +                                 \
-                                      ONEBIT_OUT_OF_RANGE_UNLESS_(int, ONEBIT_NORMAL_(number)))    \
+            ONEBIT_CAST_(uint16_t, 63 - ONEBIT_LOGARITHM_(number) +                                \
+                                       ONEBIT_OUT_OF_RANGE_UNLESS_(int, ONEBIT_NORMAL_(number)))   \
     }
 #define ONEBIT_REAL_AS(number, integer) (integer)
 #define ONEBIT_COEFFICIENT_AS(number, value, fraction_bits)                                        \
@@ -174,13 +174,25 @@ typedef struct onebit_estimate {
 
 /* ---- configuration and agent ---- */
 
-/* The constants of one agent, for flash. All that is not asked for may be left 0. */
+/*
+ * The constants of one agent, for flash. All that is not asked for may be left 0. Small and often
+ * used fields come first: small processors reach those in one instruction.
+ */
 typedef struct onebit_config {
     uint32_t agent;             /* own number on the bus, from 1 */
     const uint32_t *neighbours; /* their numbers, ascending, without the own */
     uint8_t neighbour_count;    /* 1..ONEBIT_NEIGHBOURS_MAX */
     uint8_t state_count;        /* n, 1..ONEBIT_STATES_MAX */
-    onebit_format format;       /* of the bus, see onebit_frame.h; the numbers above fit it */
+
+    /* Formats in q31: an integer stands for integer / 2^bits. The floating ones ignore them. */
+    struct {
+        int8_t stabilizing; /* 0..46 */
+        int8_t compression; /* 0..46 */
+        int8_t state;       /* 0..31 */
+        int8_t control;     /* 0..31 */
+    } fraction_bits;
+
+    onebit_format format; /* of the bus, see onebit_frame.h; the numbers above fit it */
 
     /* Rows of n. q31: the magnitudes of a row's integers add to at most 2^31 - 1. */
     const onebit_real *stabilizing; /* K1: control unit per state unit */
@@ -192,14 +204,6 @@ typedef struct onebit_config {
     onebit_coefficient estimator_gain; /* beta / sigma, at most 65536 */
     onebit_coefficient control_gain;   /* gamma sigma: control unit per noise unit */
     uint32_t start;                    /* t0, 1..2^32 - 2; the first step is t0 + 1 */
-
-    /* Formats in q31: an integer stands for integer / 2^bits. The floating ones ignore them. */
-    struct {
-        int8_t stabilizing; /* 0..46 */
-        int8_t compression; /* 0..46 */
-        int8_t state;       /* 0..31 */
-        int8_t control;     /* 0..31 */
-    } fraction_bits;
 
     /* Of the random words (onebit_random.h): the same in all agents, so that runs repeat. */
     uint32_t seed;
@@ -227,9 +231,9 @@ typedef struct onebit_agent {
     uint32_t clock;                    /* t modulo 2^32 */
     uint32_t heard;                    /* bit k: neighbour k was heard in this step */
     onebit_gain gain;                  /* estimator_gain / t */
+    bool wrapped;                      /* t has passed 2^32 - 1: gains stay what they were there */
     uint16_t refused[ONEBIT_REFUSALS]; /* frames by code - ONEBIT_REFUSED_FIRST; stop at 65535 */
     uint16_t saturated; /* q31: controls with K1 x, K2 x or u at an end of its range; to 65535 */
-    bool wrapped;       /* t has passed 2^32 - 1: gains stay what they were there */
 } onebit_agent;
 
 #endif

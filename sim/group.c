@@ -17,7 +17,7 @@ static onebit_coefficient coefficient(double value)
     }
     if (exponent >= -30 && exponent <= 32) {
         result.value = (uint32_t)scaled;
-        result.fraction_bits = (uint8_t)(32 - exponent);
+        result.fraction_bits = (uint16_t)(32 - exponent);
     }
     return result;
 #else

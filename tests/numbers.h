@@ -107,7 +107,7 @@ static inline onebit_coefficient coefficient(double value)
 {
     int exponent;
     double fraction = frexp(value, &exponent);
-    onebit_coefficient result = {(uint32_t)ldexp(fraction, 32), (uint8_t)(32 - exponent)};
+    onebit_coefficient result = {(uint32_t)ldexp(fraction, 32), (uint16_t)(32 - exponent)};
     return result;
 }
 

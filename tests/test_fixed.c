@@ -294,7 +294,7 @@ static void test_coefficient_valid(void)
                                       0xFFFFFFFF, 1000,  2097152,    2097153};
     for (unsigned v = 0; v < sizeof values / sizeof *values; ++v) {
         for (int bits = 0; bits <= 255; ++bits) {
-            onebit_coefficient candidate = {values[v], (uint8_t)bits};
+            onebit_coefficient candidate = {values[v], (uint16_t)bits};
             bool formed = values[v] >= 0x80000000u && bits <= 62;
             TEST_ASSERT_EQUAL(formed, onebit_coefficient_valid(candidate));
             for (int limit = 0; formed && limit <= 31; ++limit) {
@@ -312,7 +312,7 @@ static void test_coefficient_valid(void)
  */
 static void check_gain(uint32_t value, int bits, uint32_t t)
 {
-    onebit_coefficient given = {value, (uint8_t)bits};
+    onebit_coefficient given = {value, (uint16_t)bits};
     onebit_gain gain = onebit_gain_of(given, onebit_reciprocal_of(t));
     REQUIRE(gain.mantissa >= 0x8000u, "gain %lu / %lu is not normalised", (unsigned long)value,
             (unsigned long)t);

@@ -235,7 +235,7 @@ static void draw(struct figures_trial *trial, unsigned field)
     case 2:
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
         trial->config.estimator_gain.value = random_word() | 0x80000000u;
-        trial->config.estimator_gain.fraction_bits = (uint8_t)(16u + figure_random() % 47u);
+        trial->config.estimator_gain.fraction_bits = (uint16_t)(16u + figure_random() % 47u);
 #else
         trial->config.estimator_gain = (onebit_real)(random_word() >> 16 | 1u) /
                                        (onebit_real)(1u + (figure_random() & 0xFFFu));

@@ -79,6 +79,8 @@ static const int32_t onebit_config_initial_states[] = {
     0, 0, 33554432, 0,
 };
 
+#define ONEBIT_CONFIG_FRACTION_BITS \
+    { 30, 30, 25, 28 }
 #define ONEBIT_CONFIG_FORMAT \
     { ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD, 256u, ONEBIT_SYNC_IDENTIFIER }
 
@@ -89,9 +91,7 @@ static const int32_t onebit_config_initial_states[] = {
         ONEBIT_REAL_AS(0.5, 67108864), /* M / sigma */ \
         ONEBIT_COEFFICIENT_AS(375.0, 3145728000u, 23), /* beta / sigma */ \
         ONEBIT_COEFFICIENT_AS(4.0, 2147483648u, 29), /* gamma sigma */ \
-        10u, \
-        { 30, 30, 25, 28 }, \
-        ONEBIT_CONFIG_SEED, 0u
+        10u, ONEBIT_CONFIG_SEED, 0u
 
 /* Of the random words, the same in all agents; onebit-sim's by default. */
 #ifndef ONEBIT_CONFIG_SEED
@@ -101,31 +101,31 @@ static const int32_t onebit_config_initial_states[] = {
 static const uint32_t onebit_config_neighbours_1[] = { 2u, 5u, 7u };
 static const onebit_config onebit_config_agent_1 = {
     1u, onebit_config_neighbours_1, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_2[] = { 1u, 3u, 6u };
 static const onebit_config onebit_config_agent_2 = {
     2u, onebit_config_neighbours_2, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_3[] = { 2u, 4u };
 static const onebit_config onebit_config_agent_3 = {
     3u, onebit_config_neighbours_3, 2u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_4[] = { 3u, 5u, 7u };
 static const onebit_config onebit_config_agent_4 = {
     4u, onebit_config_neighbours_4, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_5[] = { 1u, 4u, 6u };
 static const onebit_config onebit_config_agent_5 = {
     5u, onebit_config_neighbours_5, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_6[] = { 2u, 5u, 7u };
 static const onebit_config onebit_config_agent_6 = {
     6u, onebit_config_neighbours_6, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 static const uint32_t onebit_config_neighbours_7[] = { 1u, 4u, 6u };
 static const onebit_config onebit_config_agent_7 = {
     7u, onebit_config_neighbours_7, 3u, ONEBIT_CONFIG_STATES,
-    ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
+    ONEBIT_CONFIG_FRACTION_BITS, ONEBIT_CONFIG_FORMAT, ONEBIT_CONFIG_CONSTANTS, 0u, NULL, NULL};
 
 static const onebit_config *const onebit_configs[ONEBIT_CONFIG_AGENTS] = {
     &onebit_config_agent_1,
