@@ -86,7 +86,7 @@ onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, u
  * Takes a frame as it came from the bus, whatever it is: decodes it and updates the sender's
  * estimate, if bit k of `linked` says that neighbour k is linked in this step. ONEBIT_OK, or one of
  * the codes from ONEBIT_REFUSED_FIRST on, whose counter moves; ONEBIT_CONFIG_FORMAT where the
- * format has no frames or is not valid. Where onebit_is_message(status), *message (or null) is what
+ * format has no frames. Where onebit_is_message(status), *message (or null) is what
  * the frame says, else it is untouched. Cost: a search over the neighbours and one update.
  */
 onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,

@@ -4,6 +4,7 @@
  */
 #include "onebit.h"
 
+#include "onebit_codec.h"
 #include "onebit_estimator.h"
 #include "onebit_random.h"
 
@@ -47,6 +48,23 @@ onebit_status onebit_start(const onebit_config *config, onebit_agent *agent,
     return onebit_advance(config, agent, 1);
 }
 
+static bool link_mode(const onebit_config *config)
+{
+    return onebit_mode_of(&config->format) == ONEBIT_MODE_LINK;
+}
+
+/* Whether the format has frames; that it is valid onebit_check has seen. */
+static bool framed(const onebit_config *config)
+{
+    return onebit_encoding_of(&config->format) != ONEBIT_ENCODING_NONE;
+}
+
+/* onebit_message_count, where the mode may be a constant. */
+static unsigned message_count(const onebit_config *config)
+{
+    return link_mode(config) ? config->neighbour_count : 1u;
+}
+
 /* ONEBIT_OK if a verb can work with the two. */
 static onebit_status usable(const onebit_config *config, const onebit_agent *agent)
 {
@@ -62,46 +80,62 @@ static onebit_real compressed(const onebit_config *config, const onebit_real *x)
     return onebit_dot(config->compression, x, config->state_count, COMPRESSION_SHIFT(config));
 }
 
+/* The bit of message k, which there is, into *bit. */
+static onebit_status draw_bit(const onebit_config *config, const onebit_real *x, unsigned k,
+                              uint32_t word, bool *bit)
+{
+    onebit_real z = compressed(config, x);
+    if (!onebit_finite(z)) {
+        return ONEBIT_STATE;
+    }
+    bool by_link = link_mode(config) && config->sent_thresholds != NULL;
+    onebit_real threshold = by_link ? config->sent_thresholds[k] : config->threshold;
+    *bit = (onebit_probability)(word >> 1) < onebit_distribution(threshold, z);
+    return ONEBIT_OK;
+}
+
 onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, unsigned k,
                             uint32_t word, bool *bit)
 {
     if (config == NULL || x == NULL || bit == NULL) {
         return ONEBIT_NULL;
     }
-    if (k >= onebit_message_count(config)) {
-        return ONEBIT_MESSAGE;
-    }
-    onebit_real z = compressed(config, x);
-    if (!onebit_finite(z)) {
-        return ONEBIT_STATE;
-    }
-    bool by_link = config->format.mode == ONEBIT_MODE_LINK && config->sent_thresholds != NULL;
-    onebit_real threshold = by_link ? config->sent_thresholds[k] : config->threshold;
-    *bit = (onebit_probability)(word >> 1) < onebit_distribution(threshold, z);
-    return ONEBIT_OK;
+    return k < message_count(config) ? draw_bit(config, x, k, word, bit) : ONEBIT_MESSAGE;
 }
 
-onebit_status onebit_send_message(const onebit_config *config, onebit_agent *agent,
+/* Message k of this step, drawn with its own word. */
+static onebit_status draw_message(const onebit_config *config, const onebit_agent *agent,
                                   const onebit_real *x, unsigned k, onebit_message *message)
 {
     onebit_status status = usable(config, agent);
     if (status != ONEBIT_OK) {
         return status;
     }
-    if (message == NULL) {
+    if (x == NULL) {
         return ONEBIT_NULL;
     }
-    bool link_mode = config->format.mode == ONEBIT_MODE_LINK;
-    uint32_t link = link_mode ? config->first_link + k : config->agent;
-    uint32_t word = onebit_random_word(config->seed, config->run, link, agent->clock);
-    bool bit;
-    status = onebit_encode(config, x, k, word, &bit);
+    if (k >= message_count(config)) {
+        return ONEBIT_MESSAGE;
+    }
+    uint32_t link = link_mode(config) ? config->first_link + k : config->agent;
+    message->sender = config->agent;
+    message->receiver = link_mode(config) ? config->neighbours[k] : 0;
+    message->step = (uint8_t)(agent->clock % ONEBIT_STEP_MODULUS);
+    message->has_step = true;
+    return draw_bit(config, x, k, onebit_random_word(config->seed, config->run, link, agent->clock),
+                    &message->bit);
+}
+
+onebit_status onebit_send_message(const onebit_config *config, onebit_agent *agent,
+                                  const onebit_real *x, unsigned k, onebit_message *message)
+{
+    onebit_message drawn;
+    onebit_status status = draw_message(config, agent, x, k, &drawn);
+    if (status == ONEBIT_OK && message == NULL) {
+        return ONEBIT_NULL;
+    }
     if (status == ONEBIT_OK) {
-        *message = (onebit_message){.sender = config->agent,
-                                    .receiver = link_mode ? config->neighbours[k] : 0,
-                                    .step = (uint8_t)(agent->clock % ONEBIT_STEP_MODULUS),
-                                    .has_step = true,
-                                    .bit = bit};
+        *message = drawn;
     }
     return status;
 }
@@ -110,8 +144,18 @@ onebit_status onebit_send(const onebit_config *config, onebit_agent *agent, cons
                           unsigned k, onebit_frame *frame)
 {
     onebit_message message;
-    onebit_status status = onebit_send_message(config, agent, x, k, &message);
-    return status == ONEBIT_OK ? onebit_frame_encode(&config->format, &message, frame) : status;
+    onebit_status status = draw_message(config, agent, x, k, &message);
+    if (status != ONEBIT_OK) {
+        return status;
+    }
+    if (frame == NULL) {
+        return ONEBIT_NULL;
+    }
+    if (!framed(config)) {
+        return ONEBIT_CONFIG_FORMAT;
+    }
+    onebit_write_frame(&config->format, &message, frame);
+    return ONEBIT_OK;
 }
 
 /* A frame's code on its way out: from ONEBIT_REFUSED_FIRST on it moves its counter. */
@@ -128,7 +172,7 @@ static onebit_status counted(onebit_agent *agent, onebit_status status)
 static onebit_status take(const onebit_config *config, onebit_agent *agent,
                           const onebit_message *message, uint32_t linked)
 {
-    if (config->format.mode == ONEBIT_MODE_LINK && message->receiver != config->agent) {
+    if (link_mode(config) && message->receiver != config->agent) {
         return ONEBIT_REFUSED_UNKNOWN;
     }
     unsigned k = 0;
@@ -174,8 +218,14 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
     if (status != ONEBIT_OK) {
         return status;
     }
+    if (frame == NULL) {
+        return ONEBIT_NULL;
+    }
+    if (!framed(config)) {
+        return ONEBIT_CONFIG_FORMAT;
+    }
     onebit_message decoded;
-    status = onebit_frame_decode(&config->format, frame, &decoded);
+    status = onebit_read_frame(&config->format, frame, &decoded);
     if (status == ONEBIT_OK) {
         status = take(config, agent, &decoded, linked);
         if (message != NULL) {

@@ -7,6 +7,7 @@
 #define FIGURES_SUBJECT_H
 
 #include "onebit.h"
+#include "onebit_arithmetic.h"
 
 #define NEIGHBOURS 3
 #define STATES 4
