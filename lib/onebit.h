@@ -110,8 +110,9 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
 
 /*
  * Moves the clock by `steps` without estimating or controlling, forward for steps that were missed,
- * backward to align with the group; forgets what was heard in this step. ONEBIT_CLOCK if the clock
- * would fall below start + 1.
+ * backward to align with the group; forgets what was heard in this step. ONEBIT_CLOCK if t would
+ * fall below start + 1. Beyond t = 2^32 - 1 the clock goes on modulo 2^32 and the gains stay what
+ * they were there, wherever it is moved.
  */
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps);
 

@@ -236,9 +236,8 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
 }
 
 /*
- * t is the clock with `wrapped` before its highest bit: 33 bits, of which the first stays 1. The
- * clock itself runs on, so that neither residues nor random words repeat soon; the gains stay those
- * of 2^32 - 1, whose reciprocal is then given.
+ * The clock runs on over 2^32 - 1, so that neither residues nor random words repeat soon; `wrapped`
+ * tells that it has, and the gains then stay those of 2^32 - 1, whose reciprocal is given.
  */
 static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_t clock,
                        bool wrapped, onebit_reciprocal reciprocal)
@@ -247,6 +246,21 @@ static void begin_step(const onebit_config *config, onebit_agent *agent, uint32_
     agent->wrapped = wrapped;
     agent->heard = 0;
     agent->gain = onebit_gain_of(config->estimator_gain, reciprocal);
+}
+
+/* The sum of zhat - K2 x over the neighbours that were heard and are linked. */
+static onebit_sum disagreement(const onebit_config *config, const onebit_agent *agent,
+                               uint32_t linked, onebit_real z)
+{
+    onebit_sum sum = {0};
+    linked &= agent->heard;
+    /* To neighbour_count and not to the last bit, which a fault in memory may have set. */
+    for (unsigned k = 0; k < config->neighbour_count; ++k, linked >>= 1) {
+        if (linked & 1u) {
+            onebit_add_difference(&sum, agent->estimates[k].value, z);
+        }
+    }
+    return sum;
 }
 
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
@@ -260,14 +274,7 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         return ONEBIT_NULL;
     }
     onebit_real z = compressed(config, x);
-    onebit_sum sum = 0;
-    /* To neighbour_count and not to the last bit, which a fault in memory may have set. */
-    linked &= agent->heard;
-    for (unsigned k = 0; k < config->neighbour_count; ++k, linked >>= 1) {
-        if (linked & 1u) {
-            sum += (onebit_sum)agent->estimates[k].value - z;
-        }
-    }
+    onebit_sum sum = disagreement(config, agent, linked, z);
     onebit_real stabilizing =
         onebit_dot(config->stabilizing, x, config->state_count, STABILIZING_SHIFT(config));
     uint32_t next = agent->clock + 1u;
@@ -294,15 +301,9 @@ onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, i
         return status;
     }
     uint32_t clock = agent->clock + (uint32_t)steps;
-    bool wrapped = agent->wrapped;
-    if (steps < 0) {
-        bool below = clock > agent->clock;
-        if ((below && !wrapped) || (below == wrapped && clock <= config->start)) {
-            return ONEBIT_CLOCK;
-        }
-        wrapped = wrapped && !below;
-    } else if (clock < agent->clock) {
-        wrapped = true;
+    bool wrapped = agent->wrapped || (steps >= 0 && clock < agent->clock);
+    if (!wrapped && (clock <= config->start || (steps < 0 && clock > agent->clock))) {
+        return ONEBIT_CLOCK;
     }
     begin_step(config, agent, clock, wrapped, onebit_reciprocal_of(wrapped ? UINT32_MAX : clock));
     return ONEBIT_OK;

@@ -64,25 +64,21 @@ static onebit_status check_rows(const onebit_config *config)
                                                                       : ONEBIT_CONFIG_COMPRESSION;
 }
 
-/* Written so that a NaN is refused. */
-static onebit_status check_threshold(onebit_real threshold, onebit_real bound)
+/* Thresholds, `count` of them; null where there is no list. Written so that a NaN is refused. */
+static onebit_status check_thresholds(const onebit_real *thresholds, unsigned count,
+                                      onebit_real bound)
 {
-    if (!(threshold < RATIO_LIMIT && threshold > -RATIO_LIMIT)) {
-        return ONEBIT_CONFIG_THRESHOLD;
+    for (unsigned k = 0; thresholds != NULL && k < count; ++k) {
+        onebit_real threshold = thresholds[k];
+        onebit_real distance = threshold < 0 ? -threshold : threshold;
+        if (!(threshold < RATIO_LIMIT && threshold > -RATIO_LIMIT)) {
+            return ONEBIT_CONFIG_THRESHOLD;
+        }
+        if (!(bound > 0 && bound <= RATIO_LIMIT - distance)) {
+            return ONEBIT_CONFIG_BOUND;
+        }
     }
-    onebit_real distance = threshold < 0 ? -threshold : threshold;
-    return bound > 0 && bound <= RATIO_LIMIT - distance ? ONEBIT_OK : ONEBIT_CONFIG_BOUND;
-}
-
-/* One of the lists by neighbour; null is the threshold for all. */
-static onebit_status check_thresholds(const onebit_config *config, const onebit_real *thresholds)
-{
-    onebit_status status = ONEBIT_OK;
-    for (unsigned k = 0; thresholds != NULL && k < config->neighbour_count && status == ONEBIT_OK;
-         ++k) {
-        status = check_threshold(thresholds[k], config->bound);
-    }
-    return status;
+    return ONEBIT_OK;
 }
 
 static onebit_status check_gains(const onebit_config *config)
@@ -111,14 +107,10 @@ onebit_status onebit_check(const onebit_config *config)
     if (status == ONEBIT_OK) {
         status = check_rows(config);
     }
-    if (status == ONEBIT_OK) {
-        status = check_threshold(config->threshold, config->bound);
-    }
-    if (status == ONEBIT_OK) {
-        status = check_thresholds(config, config->heard_thresholds);
-    }
-    if (status == ONEBIT_OK) {
-        status = check_thresholds(config, config->sent_thresholds);
+    const onebit_real *lists[] = {&config->threshold, config->heard_thresholds,
+                                  config->sent_thresholds};
+    for (unsigned k = 0; k < 3 && status == ONEBIT_OK; ++k) {
+        status = check_thresholds(lists[k], k == 0 ? 1 : config->neighbour_count, config->bound);
     }
     return status == ONEBIT_OK ? check_gains(config) : status;
 }

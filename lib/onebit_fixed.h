@@ -20,7 +20,14 @@ typedef struct onebit_reciprocal {
     uint8_t leading_zeros;
 } onebit_reciprocal;
 
-typedef int64_t onebit_sum;
+/*
+ * A sum of at most 32 differences, upper * 2^16 + lower, in words that small processors add in one
+ * instruction: each term's parts are within 2^15 and 2^16, doubled.
+ */
+typedef struct onebit_sum {
+    int32_t upper;
+    int32_t lower;
+} onebit_sum;
 typedef uint32_t onebit_probability; /* Q0.31 */
 
 /*
@@ -209,6 +216,14 @@ static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *
     return onebit_rescale(sum, shift);
 }
 
+/* sum += value - z. */
+static inline void onebit_add_difference(onebit_sum *sum, onebit_real value, onebit_real z)
+{
+    sum->upper += (value >> 16) - (z >> 16);
+    sum->lower += (int32_t)onebit_half((uint32_t)value, ONEBIT_LOWER) -
+                  (int32_t)onebit_half((uint32_t)z, ONEBIT_LOWER);
+}
+
 /*
  * stabilizing + gain * sum * 2^-shift, each rounded to the nearest, saturated. |sum| < 2^37 (32
  * neighbours, each within 2^29 + 2^31), times 16 bits of mantissa: below 2^53.
@@ -216,9 +231,8 @@ static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *
 static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain gain, onebit_sum sum,
                                          int shift)
 {
-    int64_t upper = onebit_product((int32_t)(sum >> 16), gain.mantissa);
     int64_t product =
-        upper * 65536 + (uint32_t)onebit_half((uint32_t)sum, ONEBIT_LOWER) * gain.mantissa;
+        onebit_product(sum.upper, gain.mantissa) * 65536 + onebit_product(sum.lower, gain.mantissa);
     return onebit_saturate((int64_t)stabilizing +
                            onebit_rescale(product, gain.places + 13 + shift));
 }

@@ -27,7 +27,6 @@
 #endif
 
 typedef uint32_t onebit_reciprocal; /* 1 / t, given as t: one division serves each gain */
-typedef onebit_real onebit_sum;     /* of differences between estimates */
 
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 
@@ -138,6 +137,17 @@ static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain
     estimate->value = value;
 }
 
+/* Of differences between estimates. */
+typedef struct onebit_sum {
+    onebit_real value;
+} onebit_sum;
+
+/* sum += value - z. */
+static inline void onebit_add_difference(onebit_sum *sum, onebit_real value, onebit_real z)
+{
+    sum->value += value - z;
+}
+
 /* row x, the products added in the order of the states; the shift is for fixed point. */
 static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *x, unsigned count,
                                      int shift)
@@ -155,7 +165,7 @@ static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain ga
                                          int shift)
 {
     (void)shift;
-    return stabilizing + gain * sum;
+    return stabilizing + gain * sum.value;
 }
 
 #endif

@@ -1,8 +1,6 @@
 /* Threefry-2x32-20 of onebit_random.h. Touches nothing but its arguments. */
 #include "onebit_random.h"
 
-#include <stddef.h>
-
 /* Skein's key schedule parity for 32-bit words. */
 #define PARITY 0x1BD11BDAu
 
@@ -33,8 +31,7 @@ static inline void four_rounds(uint32_t x[2], uint32_t rotations, uint32_t key0,
     x[1] += key1;
 }
 
-uint32_t onebit_threefry(uint32_t key0, uint32_t key1, uint32_t counter0, uint32_t counter1,
-                         uint32_t *second)
+uint64_t onebit_threefry(uint32_t key0, uint32_t key1, uint32_t counter0, uint32_t counter1)
 {
     uint32_t key2 = PARITY ^ key0 ^ key1;
     uint32_t x[2] = {counter0 + key0, counter1 + key1};
@@ -43,8 +40,5 @@ uint32_t onebit_threefry(uint32_t key0, uint32_t key1, uint32_t counter0, uint32
     four_rounds(x, ODD_ROTATIONS, key0, key1 + 3u);
     four_rounds(x, EVEN_ROTATIONS, key1, key2 + 4u);
     four_rounds(x, ODD_ROTATIONS, key2, key0 + 5u);
-    if (second != NULL) {
-        *second = x[1];
-    }
-    return x[0];
+    return (uint64_t)x[1] << 32 | x[0];
 }

@@ -231,7 +231,7 @@ typedef struct onebit_agent {
     uint32_t clock;                    /* t modulo 2^32 */
     uint32_t heard;                    /* bit k: neighbour k was heard in this step */
     onebit_gain gain;                  /* estimator_gain / t */
-    bool wrapped;                      /* t has passed 2^32 - 1: gains stay what they were there */
+    bool wrapped;                      /* t was beyond 2^32 - 1: gains stay what they were there */
     uint16_t refused[ONEBIT_REFUSALS]; /* frames by code - ONEBIT_REFUSED_FIRST; stop at 65535 */
     uint16_t saturated; /* q31: controls with K1 x, K2 x or u at an end of its range; to 65535 */
 } onebit_agent;

@@ -112,7 +112,7 @@ static void drive(double *state_use, double *control_use)
         memcpy(states, scenario.initial_states, sizeof *states * topology->agent_count * n);
         for (uint32_t step = 0; step < 60; step++) {
             uint32_t t = scenario.t0 + 1 + step;
-            uint32_t graph = onebit_threefry(3, trial, t, 0, NULL) % topology->graph_count;
+            uint32_t graph = (uint32_t)onebit_threefry(3, trial, t, 0) % topology->graph_count;
             for (uint32_t agent = 0; agent < topology->agent_count; agent++) {
                 const double *x = states + agent * n;
                 double compressed = 0;
@@ -124,7 +124,7 @@ static void drive(double *state_use, double *control_use)
                 }
                 for (uint32_t link = topology->first_link[agent];
                      link < topology->first_link[agent + 1]; link++) {
-                    uint32_t word = onebit_threefry(4, trial, t, link, NULL);
+                    uint32_t word = (uint32_t)onebit_threefry(4, trial, t, link);
                     /* Mostly one side for some steps, then the other. */
                     double side = (t / (1 + trial % 7)) % 2 == 0 ? 1 : -1;
                     double estimate = word % 8 == 0 ? (word >> 3) * 0x1p-28 - 1 : side;

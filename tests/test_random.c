@@ -25,18 +25,11 @@ static void test_known_answers(void)
         {{0x243f6a88u, 0x85a308d3u}, {0x13198a2eu, 0x03707344u}, {0xc4923a9cu, 0x483df7a0u}},
     };
     for (unsigned k = 0; k < sizeof answers / sizeof *answers; ++k) {
-        uint32_t second = 0;
-        uint32_t first = onebit_threefry(answers[k].key[0], answers[k].key[1],
-                                         answers[k].counter[0], answers[k].counter[1], &second);
-        TEST_ASSERT_EQUAL_HEX32(answers[k].output[0], first);
-        TEST_ASSERT_EQUAL_HEX32(answers[k].output[1], second);
+        uint64_t words = onebit_threefry(answers[k].key[0], answers[k].key[1],
+                                         answers[k].counter[0], answers[k].counter[1]);
+        TEST_ASSERT_EQUAL_HEX32(answers[k].output[0], (uint32_t)words);
+        TEST_ASSERT_EQUAL_HEX32(answers[k].output[1], (uint32_t)(words >> 32));
     }
-}
-
-static void test_second_word_may_be_left_out(void)
-{
-    TEST_ASSERT_EQUAL_HEX32(
-        0xc4923a9cu, onebit_threefry(0x13198a2eu, 0x03707344u, 0x243f6a88u, 0x85a308d3u, NULL));
 }
 
 /* Key (seed, run), counter (link, t), first word: the third known answer again. */
@@ -64,7 +57,6 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_known_answers);
-    RUN_TEST(test_second_word_may_be_left_out);
     RUN_TEST(test_word_takes_seed_run_link_clock);
     RUN_TEST(test_words_of_small_numbers);
     return UNITY_END();

@@ -82,7 +82,7 @@ static void random_graphs_match_brute_force(void)
             for (uint32_t pair = 0; pair < AGENTS * AGENTS; pair++) {
                 uint32_t a = pair / AGENTS;
                 uint32_t b = pair % AGENTS;
-                uint32_t word = onebit_threefry(1, trial, graph, pair, NULL);
+                uint32_t word = (uint32_t)onebit_threefry(1, trial, graph, pair);
                 if (a < b && word % 16 == 0) {
                     joined[graph][a][b] = joined[graph][b][a] = 1;
                     bool turned = (word >> 8) % 2 == 0;
@@ -219,7 +219,7 @@ static void stationary_laws_are_known_ones(void)
         for (uint32_t row = 0; row < 16; row++) {
             double sum = 0;
             for (uint32_t k = 0; k < 16; k++) {
-                uint32_t word = onebit_threefry(2, trial, row, k, NULL);
+                uint32_t word = (uint32_t)onebit_threefry(2, trial, row, k);
                 transition[row * 16 + k] = word % 3 == 0 || k == (row + 1) % 16 ? word * 1e-9 : 0;
                 sum += transition[row * 16 + k];
             }
