@@ -583,7 +583,10 @@ static void test_innovation(void)
 
 static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, int shift)
 {
-    int32_t result = onebit_combine(stabilizing, gain, sum, shift);
+    /* The lower part need not be within 16 bits, nor positive. */
+    const onebit_sum parts = {(int32_t)((sum + 0x5A5A5) >> 16),
+                              (int32_t)(sum - (((sum + 0x5A5A5) >> 16) * 65536))};
+    int32_t result = onebit_combine(stabilizing, gain, parts, shift);
     wide product = (wide)sum * gain.mantissa;
     int places = exponent_of(gain) + shift;
     places = places > 64 ? 64 : (places < -60 ? -60 : places);
@@ -601,6 +604,24 @@ static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, in
     REQUIRE(result >= clamped(stabilizing + lowest) && result <= clamped(stabilizing + highest),
             "combine(%ld, %u 2^%d, %lld, %d) = %ld", (long)stabilizing, gain.mantissa,
             -exponent_of(gain), (long long)sum, shift, (long)result);
+}
+
+/* Sums of 32 differences, each of an estimate and any z, are exact. */
+static void test_add_difference(void)
+{
+    uint64_t seed = 23;
+    for (unsigned trial = 0; trial < 20000; ++trial) {
+        onebit_sum sum = {0};
+        wide exact = 0;
+        for (unsigned k = 0; k < ONEBIT_NEIGHBOURS_MAX; ++k) {
+            int32_t z = trial % 3u == 0 ? edges_32[random_word(&seed) % EDGES_32]
+                                        : (int32_t)random_word(&seed);
+            int32_t value = (int32_t)random_size(&seed, 29);
+            onebit_add_difference(&sum, value, z);
+            exact += (wide)value - z;
+            REQUIRE((wide)sum.upper * 65536 + sum.lower == exact, "sum of %u", k + 1u);
+        }
+    }
 }
 
 /* |sum| < 2^37, exponents of every coefficient and clock, shifts of every control format. */
@@ -669,6 +690,7 @@ int main(void)
     RUN_TEST(test_accumulate_with_tiny_gains);
     RUN_TEST(test_too_large_a_step_ends_at_the_bound);
     RUN_TEST(test_innovation);
+    RUN_TEST(test_add_difference);
     RUN_TEST(test_combine);
     RUN_TEST(test_everything_is_finite);
     RUN_TEST(test_constants);
