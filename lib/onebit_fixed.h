@@ -56,6 +56,12 @@ static inline bool onebit_finite(onebit_real value)
     return true;
 }
 
+/* |value| > limit, in one comparison; |value| <= 2^30 + 2^29 and 0 < limit <= 2^29. */
+static inline bool onebit_beyond(onebit_real value, onebit_real limit)
+{
+    return (uint32_t)value + (uint32_t)limit > 2u * (uint32_t)limit;
+}
+
 static inline int32_t onebit_saturate(int64_t value)
 {
     int32_t lower = (int32_t)value;
@@ -198,8 +204,7 @@ static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain
     }
     /* |step| <= 2^30 added to 2^29 fits, and so does the carry. */
     int32_t step = onebit_shifted(product, (unsigned)places, &fraction);
-    estimate->carry += fraction;
-    estimate->value += step + (estimate->carry < fraction);
+    onebit_add(&estimate->value, &estimate->carry, step, fraction);
 }
 
 /*

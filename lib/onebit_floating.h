@@ -78,6 +78,12 @@ static inline bool onebit_finite(onebit_real value)
     return value - value == 0;
 }
 
+/* |value| > limit. */
+static inline bool onebit_beyond(onebit_real value, onebit_real limit)
+{
+    return value > limit || value < -limit;
+}
+
 static inline bool onebit_coefficient_valid(onebit_coefficient coefficient)
 {
     return onebit_finite(coefficient) && coefficient > 0;

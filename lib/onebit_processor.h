@@ -12,6 +12,7 @@
 #define ONEBIT_PROCESSOR_H
 
 #include <limits.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 /* The first instruction set of Thumb: Cortex-M0, M0+, M1 and M23 have no other. */
@@ -49,6 +50,18 @@
 #endif
 #endif
 
+/* So few registers that a long inline function costs more than its call: Thumb has eight. */
+#ifndef ONEBIT_FEW_REGISTERS
+#define ONEBIT_FEW_REGISTERS ONEBIT_THUMB_1
+#endif
+
+/* A function that is then better not made a part of others; in GCC's words. */
+#if ONEBIT_FEW_REGISTERS && defined(__GNUC__)
+#define ONEBIT_LONG_FUNCTION static __attribute__((noinline, unused))
+#else
+#define ONEBIT_LONG_FUNCTION static inline
+#endif
+
 /*
  * One half of a word, as a number that the compiler sees to have 16 bits. Shifts need to know
  * nothing of the order of bytes. They lead avr-gcc to multiply 32 by 32 bits, 280 cycles more in an
@@ -69,6 +82,20 @@ static inline uint16_t onebit_half(uint32_t word, unsigned half)
 #endif
 }
 
+/*
+ * word / 2^5. By a byte to the right and three places to the left for processors that shift one
+ * place at a time: an AVR takes 15 cycles less so.
+ */
+static inline uint32_t onebit_over_32_by_steps(uint32_t word)
+{
+    return ((word >> 8) << 3) | ((uint8_t)word >> 5);
+}
+
+static inline uint32_t onebit_over_32(uint32_t word)
+{
+    return ONEBIT_SHIFTS_BY_ONE ? onebit_over_32_by_steps(word) : word >> 5;
+}
+
 /* floor(value factor / 2^16), which is below 2^32. */
 static inline uint32_t onebit_scaled_by_halves(uint32_t value, uint16_t factor)
 {
@@ -82,6 +109,13 @@ static inline uint32_t onebit_scaled(uint32_t value, uint16_t factor)
     /* The factor is moved up, so that the result is the upper word alone: one instruction. */
     return ONEBIT_HAS_WIDE_PRODUCT ? (uint32_t)(((uint64_t)value * ((uint32_t)factor << 16)) >> 32)
                                    : onebit_scaled_by_halves(value, factor);
+}
+
+/* floor(value factor / 2^21). */
+static inline uint32_t onebit_scaled_over_32(uint32_t value, uint16_t factor)
+{
+    return ONEBIT_HAS_WIDE_PRODUCT ? (uint32_t)(((uint64_t)value * ((uint32_t)factor << 11)) >> 32)
+                                   : onebit_over_32(onebit_scaled_by_halves(value, factor));
 }
 
 /* floor(value factor / 2^16) for a signed value. */
@@ -140,19 +174,17 @@ static inline int64_t onebit_product(int32_t left, int32_t right)
 
 /*
  * value / 2^(places + 1), places 0..31: the floor, and in *fraction the 32 bits that follow it. By
- * bytes, then bits, for processors that shift one place at a time: an AVR takes 110 cycles less so.
+ * bits, then bytes, for processors that shift one place at a time: an AVR takes 170 cycles less so.
  */
 static inline int32_t onebit_shifted_by_steps(int32_t value, unsigned places, uint32_t *fraction)
 {
-    uint32_t lower = (uint32_t)value << 31;
-    value >>= 1;
-    for (; places >= 8; places -= 8) {
+    uint8_t bits = (uint8_t)((places + 1u) & 7u);
+    uint8_t bytes = (uint8_t)((places + 1u) >> 3);
+    uint32_t lower = (uint32_t)(uint8_t)((unsigned)(uint8_t)value << (8u - bits)) << 24;
+    value >>= bits;
+    for (; bytes > 0; --bytes) {
         lower = (lower >> 8) | ((uint32_t)value << 24);
         value >>= 8;
-    }
-    for (; places > 0; --places) {
-        lower = (lower >> 1) | ((uint32_t)value << 31);
-        value >>= 1;
     }
     *fraction = lower;
     return value;
@@ -165,6 +197,24 @@ static inline int32_t onebit_shifted(int32_t value, unsigned places, uint32_t *f
 #else
     *fraction = (uint32_t)value << (places ^ 31u); /* 31 - places, in one instruction of RISC-V */
     return (value >> places) >> 1;
+#endif
+}
+
+/*
+ * Adds a step and its fraction to a value and its fraction. With a branch where a comparison's
+ * result has to be made of four bytes: 8 cycles less on an AVR, 3 instructions more elsewhere.
+ */
+static inline void onebit_add(int32_t *value, uint32_t *fraction, int32_t step,
+                              uint32_t step_fraction)
+{
+    *fraction += step_fraction;
+#if ONEBIT_SHIFTS_BY_ONE
+    if (*fraction < step_fraction) {
+        ++step;
+    }
+    *value += step;
+#else
+    *value += step + (*fraction < step_fraction);
 #endif
 }
 

@@ -71,9 +71,9 @@ static inline double normal_density(double u)
 #if ONEBIT_ARITHMETIC == ONEBIT_F64
 #define DISTRIBUTION_ERROR 0x1p-51
 #elif ONEBIT_ARITHMETIC == ONEBIT_F32
-#define DISTRIBUTION_ERROR (4.1e-7 + 0x1p-26 + 0x1p-28)
+#define DISTRIBUTION_ERROR (4.2e-7 + 0x1p-26 + 0x1p-28)
 #else
-#define DISTRIBUTION_ERROR 4.1e-7
+#define DISTRIBUTION_ERROR 4.2e-7
 #endif
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31

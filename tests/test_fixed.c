@@ -457,6 +457,41 @@ static void test_scaled(void)
     }
 }
 
+static void check_over_32(uint32_t value, uint16_t factor)
+{
+    uint32_t exact = (uint32_t)(((wide)value * factor) >> 21);
+    REQUIRE(onebit_scaled_over_32(value, factor) == exact &&
+                onebit_over_32_by_steps(onebit_scaled_by_halves(value, factor)) == exact &&
+                onebit_over_32(value) == value / 32 && onebit_over_32_by_steps(value) == value / 32,
+            "%lu times %u / 2^21", (unsigned long)value, factor);
+}
+
+static void test_over_32(void)
+{
+    uint64_t seed = 23;
+    for (unsigned k = 0; k < EDGES_32; ++k) {
+        check_over_32((uint32_t)edges_32[k], 0xFFFF);
+    }
+    for (unsigned trial = 0; trial < 3000000; ++trial) {
+        check_over_32(random_word(&seed), (uint16_t)random_word(&seed));
+    }
+}
+
+/* "|value| > limit, in one comparison", to the ends of its range. */
+static void test_beyond(void)
+{
+    static const int32_t limits[] = {1, 2, 1 << 26, (1 << 29) - 1, 1 << 29};
+    const int32_t end = (1 << 30) + (1 << 29);
+    for (unsigned k = 0; k < sizeof limits / sizeof *limits; ++k) {
+        TEST_ASSERT_TRUE(onebit_beyond(end, limits[k]) && onebit_beyond(-end, limits[k]));
+        for (int32_t around = -1; around <= 1; ++around) {
+            TEST_ASSERT_EQUAL(around > 0, onebit_beyond(limits[k] + around, limits[k]));
+            TEST_ASSERT_EQUAL(around < 0, onebit_beyond(-limits[k] + around, limits[k]));
+        }
+        TEST_ASSERT_FALSE(onebit_beyond(0, limits[k]));
+    }
+}
+
 /* The way of processors that shift one place at a time, too. */
 static void check_shifted(int32_t value, unsigned places)
 {
@@ -685,6 +720,8 @@ int main(void)
     RUN_TEST(test_upper);
     RUN_TEST(test_product);
     RUN_TEST(test_scaled);
+    RUN_TEST(test_over_32);
+    RUN_TEST(test_beyond);
     RUN_TEST(test_shifted);
     RUN_TEST(test_accumulate);
     RUN_TEST(test_accumulate_with_tiny_gains);

@@ -77,7 +77,7 @@ def single_precision_bounds(feed):
 
     In exact numbers w(t) = clamp(w(t-1) + g (F(v) - s)), with g = b/t and v = c/sigma - w(t-1). Let
     r = 2^-24. The library's value (its remainder carried, so that the rounding of the sum does not
-    pile up) follows the same recursion with two local errors: `distribution` on F, the 4.1e-7 of
+    pile up) follows the same recursion with two local errors: `distribution` on F, the 4.2e-7 of
     lib/onebit_cdf.h and 4 r for the rounding of its argument and result; and `increment`, 4 r
     relative, for the roundings of b, of b/t, of F - s and of the product. Hence before clamping
 
@@ -98,7 +98,7 @@ def single_precision_bounds(feed):
     outer = max(abs(smallest), abs(largest))
     inner = 0.0 if smallest < 0.0 < largest else min(abs(smallest), abs(largest))
     f_min, f_max = np.exp(np.array([-(outer**2), -(inner**2)]) / 2) / np.sqrt(2 * np.pi)
-    distribution = 4.1e-7 + 4 * rounding
+    distribution = 4.2e-7 + 4 * rounding
     local = distribution + 4 * rounding * max(1.0 - ndtr(smallest), ndtr(largest))
 
     error = np.zeros(scenario.links)

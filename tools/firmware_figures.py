@@ -156,7 +156,7 @@ def compile_library(preset: str, arithmetic: str, level: str) -> tuple[Path, lis
         objects.append(path)
     # The table of the CDF lies in a library and is linked where it is needed.
     agent = next(path for path in objects if path.stem == "onebit_agent")
-    if "onebit_cdf_segments" not in run(tool(preset, "nm"), "-u", agent):
+    if "onebit_cdf_table" not in run(tool(preset, "nm"), "-u", agent):
         objects = [path for path in objects if path.stem != "onebit_cdf_table"]
     flags = [word for word in words if word.startswith(("-m", "--specs"))]
     image = folder / "library.elf"
