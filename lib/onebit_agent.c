@@ -195,8 +195,8 @@ static onebit_status take(const onebit_config *config, onebit_agent *agent,
     }
     agent->heard |= own;
     const onebit_real *thresholds = config->heard_thresholds;
-    onebit_update(&agent->estimates[k], agent->gain,
-                  thresholds != NULL ? thresholds[k] : config->threshold, config->bound,
+    onebit_update(&agent->estimates[k], &agent->gain,
+                  thresholds != NULL ? thresholds[k] : config->threshold, &config->bound,
                   message->bit);
     return ONEBIT_OK;
 }

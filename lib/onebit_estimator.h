@@ -14,11 +14,8 @@
  */
 static inline void onebit_project(onebit_estimate *estimate, onebit_real bound)
 {
-    if (estimate->value > bound) {
-        estimate->value = bound;
-        estimate->carry = 0;
-    } else if (estimate->value < -bound) {
-        estimate->value = -bound;
+    if (onebit_beyond(estimate->value, bound)) {
+        estimate->value = estimate->value < 0 ? -bound : bound;
         estimate->carry = 0;
     }
 }
@@ -27,11 +24,11 @@ static inline void onebit_project(onebit_estimate *estimate, onebit_real bound)
  * zhat(t) = project(zhat(t-1) + gain (F(threshold - zhat(t-1)) - bit)), gain = (beta/sigma)/t.
  * |threshold| + bound <= 4 and |zhat| <= bound (onebit_check, onebit_start). Reentrant; one CDF.
  */
-static inline void onebit_update(onebit_estimate *estimate, onebit_gain gain, onebit_real threshold,
-                                 onebit_real bound, bool bit)
+static inline void onebit_update(onebit_estimate *estimate, const onebit_gain *gain,
+                                 onebit_real threshold, const onebit_real *bound, bool bit)
 {
-    onebit_accumulate(estimate, gain, onebit_innovation(threshold - estimate->value, bit));
-    onebit_project(estimate, bound);
+    onebit_accumulate(estimate, *gain, onebit_innovation(threshold - estimate->value, bit));
+    onebit_project(estimate, *bound);
 }
 
 #endif

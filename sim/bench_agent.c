@@ -35,7 +35,8 @@ static double time_update(double seconds)
             onebit_gain gain = onebit_gain_of(beta, onebit_reciprocal_of(t++));
             uint32_t word = onebit_random_word(1, 0, 1, t);
             for (unsigned k = 0; k < LINKS; ++k) {
-                onebit_update(&estimates[k], gain, threshold, bound, (word >> (k % 32u) & 1u) != 0);
+                onebit_update(&estimates[k], &gain, threshold, &bound,
+                              (word >> (k % 32u) & 1u) != 0);
             }
             updates += LINKS;
             elapsed = omp_get_wtime() - begun;

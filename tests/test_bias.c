@@ -68,7 +68,7 @@ static void check_run(const struct setting *setting, double first, double z, uin
     onebit_estimate estimate = {number(first), 0};
     const onebit_real threshold = number(setting->threshold);
     const onebit_real bound = number(setting->bound);
-    const onebit_coefficient gain = coefficient(setting->gain);
+    const onebit_coefficient coefficient_over_t = coefficient(setting->gain);
     const double probability = normal_distribution(setting->threshold - z);
     double twin = value_of(estimate.value);
     first = twin;
@@ -76,7 +76,8 @@ static void check_run(const struct setting *setting, double first, double z, uin
     for (unsigned step = 0; step < STEPS; ++step) {
         ++t;
         bool bit = random_unit(&seed) < probability;
-        onebit_update(&estimate, onebit_gain_at(gain, t), threshold, bound, bit);
+        onebit_gain gain = onebit_gain_at(coefficient_over_t, t);
+        onebit_update(&estimate, &gain, threshold, &bound, bit);
         double distribution = 0.5 * erfc((twin - setting->threshold) * 0.70710678118654752440);
         twin += setting->gain / (double)t * (distribution - (bit ? 1.0 : 0.0));
         twin = fmin(fmax(twin, -setting->bound), setting->bound);

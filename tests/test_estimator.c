@@ -50,7 +50,7 @@ static void test_estimate_never_leaves_the_bound(void)
                                     0};
         for (unsigned step = 0; step < 10; ++step) {
             onebit_gain gain = onebit_gain_at(setting.gain, setting.t);
-            onebit_update(&estimate, gain, setting.threshold, setting.bound,
+            onebit_update(&estimate, &gain, setting.threshold, &setting.bound,
                           (random_word(&seed) & 1u) != 0);
             REQUIRE(estimate.value <= setting.bound && estimate.value >= negated(setting.bound),
                     "%.17g outside %.17g", value_of(estimate.value), value_of(setting.bound));
@@ -128,8 +128,8 @@ static void test_formula(void)
             double expected = estimate_value(&estimate) + increment;
             expected = fmin(fmax(expected, -bound), bound);
 
-            onebit_update(&estimate, onebit_gain_at(setting.gain, setting.t), setting.threshold,
-                          setting.bound, bit);
+            onebit_gain rounded = onebit_gain_at(setting.gain, setting.t);
+            onebit_update(&estimate, &rounded, setting.threshold, &setting.bound, bit);
             double tolerance = gain * DISTRIBUTION_ERROR + 0x1p-52 * (fabs(increment) + 4);
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
             tolerance += fabs(increment) * GAIN_ERROR + gain * 0x1p-30 + 0x1p-27;
@@ -157,8 +157,8 @@ static void test_direction(void)
         onebit_real start = number(value_of(setting.bound) * random_between(&seed, -0.9, 0.9));
         onebit_estimate zero = {start, 0};
         onebit_estimate one = {start, 0};
-        onebit_update(&zero, gain, setting.threshold, setting.bound, false);
-        onebit_update(&one, gain, setting.threshold, setting.bound, true);
+        onebit_update(&zero, &gain, setting.threshold, &setting.bound, false);
+        onebit_update(&one, &gain, setting.threshold, &setting.bound, true);
         TEST_ASSERT_TRUE(zero.value >= start);
         TEST_ASSERT_TRUE(one.value <= start);
         /* F and 1 - F are at least F(-4) = 3.2e-5; an ulp of f32 below 4 is 2^-22. */
@@ -178,21 +178,21 @@ static void test_bits_at_the_extremes(void)
         onebit_real bound = number(4 - fabs(thresholds[k]));
         onebit_gain gain = onebit_gain_at(coefficient(100), 1000);
         onebit_estimate high = {bound, 0};
-        onebit_update(&high, gain, threshold, bound, false);
+        onebit_update(&high, &gain, threshold, &bound, false);
         TEST_ASSERT_TRUE(high.value == bound && high.carry == 0);
-        onebit_update(&high, gain, threshold, bound, true);
+        onebit_update(&high, &gain, threshold, &bound, true);
         TEST_ASSERT_TRUE(high.value < bound);
         onebit_estimate low = {negated(bound), 0};
-        onebit_update(&low, gain, threshold, bound, true);
+        onebit_update(&low, &gain, threshold, &bound, true);
         TEST_ASSERT_TRUE(low.value == negated(bound) && low.carry == 0);
-        onebit_update(&low, gain, threshold, bound, false);
+        onebit_update(&low, &gain, threshold, &bound, false);
         TEST_ASSERT_TRUE(low.value > negated(bound));
         /* The largest gain there is takes it from one bound to the other, or, where the saturated
          * step of q31 is meant, to 2^-27 beside it. */
         gain = onebit_gain_at(coefficient(65536), 1);
-        onebit_update(&high, gain, threshold, bound, true);
+        onebit_update(&high, &gain, threshold, &bound, true);
         TEST_ASSERT_TRUE(value_of(high.value) <= -value_of(bound) + 0x1p-27);
-        onebit_update(&high, gain, threshold, bound, false);
+        onebit_update(&high, &gain, threshold, &bound, false);
         TEST_ASSERT_TRUE(value_of(high.value) >= value_of(bound) - 0x1p-27);
     }
 }

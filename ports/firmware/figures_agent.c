@@ -181,8 +181,8 @@ static bool count_realistic(struct figures_trial *trial, struct figure *figures)
             figure_take(&figures[operation], count(operation, trial));
         }
         for (unsigned i = 0; i < NEIGHBOURS; ++i) {
-            onebit_update(&trial->estimates[i], trial->agent.gain, aircraft.threshold,
-                          aircraft.bound, trial->bits[i]);
+            onebit_update(&trial->estimates[i], &trial->agent.gain, aircraft.threshold,
+                          &aircraft.bound, trial->bits[i]);
         }
         onebit_advance(&trial->config, &trial->agent, (int32_t)(trial->agent.clock / 32));
     }

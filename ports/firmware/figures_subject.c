@@ -8,7 +8,7 @@
 void figures_update(const onebit_config *config, const onebit_agent *agent,
                     onebit_estimate *estimate, bool bit)
 {
-    onebit_update(estimate, agent->gain, config->threshold, config->bound, bit);
+    onebit_update(estimate, &agent->gain, config->threshold, &config->bound, bit);
 }
 
 onebit_probability figures_cdf(onebit_real z)
