@@ -4,8 +4,8 @@
 usage: tools/firmware_figures.py            measures and writes the tables
        tools/firmware_figures.py --print    measures and prints them
 
-Builds the image `figures` of ports/firmware for each toolchain preset, under build/figures/, runs
-it on the emulator, and adds what needs no run: bytes of the library's objects at -Os and -O2, what
+Builds the images `figures` of ports/firmware for each toolchain preset, under build/figures/, runs
+them on the emulator, and adds what needs no run: bytes of the library's objects at -Os and -O2, what
 the compiler's own routines add, and the worst-case stack over the call graph. All of it is the same
 from run to run with the same compilers, whose versions stand with the tables.
 
@@ -40,6 +40,7 @@ PRESETS = {
 OPERATIONS = ("update", "cdf", "encode", "control", "step")
 ARITHMETICS = ("q31", "f32", "f64")
 LEVELS = ("-Os", "-O2")
+IMAGES = ("figures", "figures-floating")
 TODAY = {"float": "float, `erfcf`", "double": "double, `erfc`"}
 TODAY_AVR = {"float": "float, polynomial and `exp`"}
 
@@ -99,7 +100,7 @@ def tool(preset: str, name: str) -> str:
 def build(preset: str) -> None:
     folder = build_folder(preset)
     run("cmake", "--preset", preset, "-B", folder)
-    run("cmake", "--build", folder, "--target", "figures", "--parallel", "2")
+    run("cmake", "--build", folder, "--target", *IMAGES, "--parallel", "2")
 
 
 def versions() -> str:
@@ -119,14 +120,15 @@ def read_counts(platform: Platform, text: str) -> None:
         elif match := re.fullmatch(r"(\w+) memory (\d+)", line):
             platform.memory[match[1]] = int(match[2])
         else:
-            raise FiguresError(f"the image figures says what is no figure: {line}")
+            raise FiguresError(f"an image says what is no figure: {line}")
 
 
 def count(preset: str, platform: Platform) -> None:
     """Runs the image as the platform's CTest would."""
     listed = run("ctest", "--test-dir", build_folder(preset), "--show-only=json-v1")
     commands = {test["name"]: test["command"] for test in json.loads(listed)["tests"]}
-    read_counts(platform, run(*commands["figures"]))
+    for image in IMAGES:
+        read_counts(platform, run(*commands[image]))
 
 
 def defined(preset: str, path: Path, kinds: str) -> set[str]:

@@ -1,7 +1,8 @@
 /*
- * The measuring image: what the library's operations cost on this processor in each arithmetic, and
- * the estimator update that people write today beside them. tools/firmware_figures.py runs it and
- * makes a table of its lines (figures.h says which).
+ * The measuring images: what the library's operations cost on this processor, in q31 (figures) and
+ * in the floating arithmetics, with the estimator update that people write today beside them
+ * (figures-floating; one image would not fit an AVR). tools/firmware_figures.py runs them and
+ * makes a table of their lines (figures.h says which).
  *
  * First the counter is held against a loop of known length. Then each operation is counted over
  * realistic inputs, and the dearest input is searched for (figures_agent.c says how).
@@ -83,11 +84,15 @@ int main(void)
         print_text("figures: the counter does not count a loop of known length\n");
         platform_exit(1);
     }
-    bool done = onebit_q31_figures() && onebit_f32_figures();
+#ifdef FIGURES_FLOATING
+    bool done = onebit_f32_figures();
+    today_float_figures();
 #ifdef FIGURES_DOUBLE
     done = done && onebit_f64_figures();
     today_double_figures();
 #endif
-    today_float_figures();
+#else
+    bool done = onebit_q31_figures();
+#endif
     platform_exit(done ? 0 : 1);
 }
