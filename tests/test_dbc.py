@@ -168,5 +168,6 @@ def test_agents_beyond_the_identifiers():
     content = scenario("two-agents", "broadcast")
     content["bus"]["base"] = 0x7EE  # room for one
     known = database(content)
-    assert [message.name for message in known.messages] == ["SYNC", "network_management", "message_1"]
+    names = [message.name for message in known.messages]
+    assert names == ["SYNC", "network_management", "message_1"]
     assert known.get_message_by_name("message_1").receivers == set()
