@@ -33,19 +33,20 @@ def database(content):
 
 
 def test_constants_are_those_of_the_library():
-    header = (ROOT / "lib/onebit_frame.h").read_text()
-    source = (ROOT / "lib/onebit_frame.c").read_text()
-    found = dict(re.findall(r"#define (\w+) (0[xX][0-9a-fA-F]+|\d+)u", header + source))
+    text = "".join(
+        (ROOT / f"lib/{name}.h").read_text() for name in ("onebit_frame", "onebit_codec")
+    )
+    found = dict(re.findall(r"#define (\w+) (0[xX][0-9a-fA-F]+|\d+)u", text))
     of_library = {
         "ONEBIT_PAYLOAD_BASE": bus_cost.PAYLOAD_BASE,
         "ONEBIT_IDENTIFIER_BASE": bus_cost.IDENTIFIER_BASE,
         "ONEBIT_LINK_BASE": bus_cost.LINK_BASE,
         "ONEBIT_SYNC_IDENTIFIER": bus_cost.SYNC_IDENTIFIER,
         "ONEBIT_STEP_MODULUS": bus_cost.STEP_MODULUS,
-        "SENDER_SHIFT": bus_cost.SENDER_SHIFT,
-        "RECEIVER_SHIFT": bus_cost.RECEIVER_SHIFT,
-        "IDENTIFIER_LAST": bus_cost.IDENTIFIER_LAST,
-        "LINK_AGENT_LAST": bus_cost.LINK_AGENT_LAST,
+        "ONEBIT_LINK_SENDER_SHIFT": bus_cost.SENDER_SHIFT,
+        "ONEBIT_LINK_RECEIVER_SHIFT": bus_cost.RECEIVER_SHIFT,
+        "ONEBIT_IDENTIFIER_LAST": bus_cost.IDENTIFIER_LAST,
+        "ONEBIT_LINK_AGENT_LAST": bus_cost.LINK_AGENT_LAST,
     }
     assert {name: int(found[name], 0) for name in of_library} == of_library
 
