@@ -156,7 +156,7 @@ static inline onebit_gain onebit_gain_of(onebit_coefficient coefficient,
                                          onebit_reciprocal reciprocal)
 {
     uint32_t product = onebit_upper(coefficient.value, reciprocal.mantissa);
-    int places = 2 + coefficient.fraction_bits - (int)reciprocal.leading_zeros;
+    int places = 2 + (int)coefficient.fraction_bits - (int)reciprocal.leading_zeros;
     if (product < 0x80000000u) {
         product <<= 1;
         ++places;

@@ -379,16 +379,13 @@ def test_math_header_only_in_f64(arithmetic):
 def clang_for(target, source, tmp_path, *options):
     """Compiles C for another processor; freestanding, so that no C library is needed for it."""
     path = tmp_path / "target.c"
-    path.write_text(source, encoding="utf-8")
+    path.write_text(source + "\n", encoding="utf-8")
     run(
         need("clang"),
         f"--target={target}",
         "-ffreestanding",
         "-fsyntax-only",
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
+        *WARNINGS,
         f"-I{LIB}",
         *options,
         path,
