@@ -26,7 +26,7 @@ uint64_t onebit_threefry(uint32_t key0, uint32_t key1, uint32_t counter0, uint32
  */
 static inline uint32_t onebit_random_word(uint32_t seed, uint32_t run, uint32_t link, uint32_t t)
 {
-    return (uint32_t)(onebit_threefry(seed, run, link, t) & 0xFFFFFFFFu);
+    return onebit_threefry(seed, run, link, t) & 0xFFFFFFFFu;
 }
 
 #ifdef __cplusplus

@@ -26,11 +26,13 @@ from onebit_design.bus_cost import (
     messages,
     report_lines,
     response_times,
+    sync_bits,
 )
 from onebit_design.system import System
 
 SYNC = 0x080
-SYNC_BITS = 51
+SYNC_BITS = range(57, 60)  # by its counter
+SYNC_MEAN = 7371 / 128
 MODES = ["link", "broadcast"]
 ENCODINGS = ["payload", "identifier"]
 KINDS = [(mode, encoding) for mode in MODES for encoding in ENCODINGS]
@@ -93,12 +95,14 @@ def still(mode, encoding, bits, period_bits, edges=None, **more):
 
 
 def worst_bits(mode, encoding, agents, first=None):
-    """The bits with which the first messages (all) last longest in some step."""
+    """The bits with which the first messages last longest in some step; else all and SYNC."""
     system = system_of(still(mode, encoding, [0] * agents, 1e6))
     rows = messages(system)
     bits = message_bits([row[2] for row in rows], mode == "link", encoding)
-    residue = bits[:first].max(axis=2).sum(axis=0).argmax()
-    return bits[:, residue].argmax(axis=1).tolist()
+    before = sync_bits() if first is None else np.zeros(1)
+    residue = (before + bits[:first].max(axis=2).sum(axis=0)).argmax()
+    # In identifier form a message is the same in all steps.
+    return bits[:, residue % bits.shape[1]].argmax(axis=1).tolist()
 
 
 def simulate(tmp_path, content, **options):
@@ -128,11 +132,17 @@ def lengths(frames):
     return result.tolist()
 
 
+def syncs_of(frames):
+    """End and length of each SYNC."""
+    syncs = [frame for frame in frames if frame[1] == SYNC]
+    return [(frame[0], length) for frame, length in zip(syncs, lengths(syncs), strict=True)]
+
+
 def sync_delays(frames, period_bits):
     """By how many bit times each SYNC was late."""
-    times = [time for time, identifier, extended, _ in frames if identifier == SYNC]
     return [
-        time - step * period_bits - SYNC_BITS + INTERFRAME_BITS for step, time in enumerate(times)
+        time - step * period_bits - length + INTERFRAME_BITS
+        for step, (time, length) in enumerate(syncs_of(frames))
     ]
 
 
@@ -163,7 +173,9 @@ def test_extended_frames_at_random():
 def test_lengths_by_hand():
     # 34 dominant bits (the CRC of zeros is zero), a stuff bit after each five, 13 of fixed form.
     assert frame_bits(0) == 34 + 6 + 13
-    assert frame_bits(SYNC) == SYNC_BITS
+    # 0 00010000000 000 0001 00000001 and the CRC 000011000000001: five zeros end twice between the
+    # identifier's one and the length's, once in the data and once in the CRC.
+    assert frame_bits(SYNC, 1) == 19 + 8 + 15 + 4 + 13
 
 
 @pytest.mark.parametrize(("mode", "encoding"), KINDS)
@@ -184,7 +196,11 @@ def test_lengths_and_latencies_of_a_run(tmp_path, name, mode, encoding):
         assert row["bits_min"] <= bits <= row["bits_max"]
         assert row["extended"] == extended
         total += bits
-        begin = time // 250_000 * 250_000 + (0 if identifier == SYNC else SYNC_BITS)
+        begin = time // 250_000 * 250_000
+        if identifier == SYNC:
+            after_sync = begin + bits
+        else:
+            begin = after_sync
         assert time - begin <= round(row["latency"] * 500_000)
         if identifier != SYNC:
             latest = max(latest, time - begin)
@@ -198,7 +214,9 @@ def test_lengths_and_latencies_of_a_run(tmp_path, name, mode, encoding):
 @pytest.mark.parametrize(("mode", "encoding"), KINDS)
 def test_rows_are_over_all_payloads(mode, encoding):
     costs = bus_cost(system_of(aircraft("aircraft-fixed", mode, encoding)))
-    assert costs["frames"][0]["bits_min"] == costs["frames"][0]["bits_max"] == SYNC_BITS
+    sync = costs["frames"][0]
+    assert (sync["bits_min"], sync["bits_max"]) == (SYNC_BITS[0], SYNC_BITS[-1])
+    assert sync["bits_mean"] == SYNC_MEAN == frame_bits(SYNC, np.arange(1, 129)).mean()
     for row in costs["frames"][1:]:
         payloads = np.arange(256) if encoding == "payload" else None
         bits = frame_bits(row["identifier"], payloads, mode == "link")
@@ -234,12 +252,12 @@ def test_mean_load_is_that_of_a_long_run(tmp_path, mode, encoding):
 def test_known_costs_of_the_aircraft():
     """Bits a step: SYNC, and frames of the lengths that the other tests hold against the bus."""
     bits = {
-        ("aircraft-fixed", "link", "payload"): (1716, 1699, 1664.820),
-        ("aircraft-fixed", "link", "identifier"): (1515, 1515, 1506.5),
-        ("aircraft-fixed", "broadcast", "payload"): (474, 468, 454.832),
-        ("aircraft-fixed", "broadcast", "identifier"): (401, 401, 397.5),
-        ("aircraft-markov", "link", "payload"): (716, 710, 588.940),
-        ("aircraft-markov", "link", "identifier"): (636, 636, 536.167),
+        ("aircraft-fixed", "link", "payload"): (1724, 1705, 1671.406),
+        ("aircraft-fixed", "link", "identifier"): (1523, 1523, 1513.086),
+        ("aircraft-fixed", "broadcast", "payload"): (482, 475, 461.418),
+        ("aircraft-fixed", "broadcast", "identifier"): (409, 409, 404.086),
+        ("aircraft-markov", "link", "payload"): (724, 716, 595.526),
+        ("aircraft-markov", "link", "identifier"): (644, 644, 542.753),
     }
     for (name, mode, encoding), (guaranteed, in_step, mean) in bits.items():
         costs = bus_cost(system_of(aircraft(name, mode, encoding)))
@@ -367,7 +385,10 @@ def test_latency_is_reached(tmp_path, mode, encoding, other, first):
     own = bits[first - 1] if encoding == "identifier" else 0
     identifier = messages(system_of(content))[first - 1][2] + own
     row = next(row for row in costs["frames"] if row["identifier"] == identifier)
-    latencies = [time % 2000 - SYNC_BITS for time, heard, _, _ in frames if heard == identifier]
+    sync = [length for _, length in syncs_of(frames)]
+    latencies = [
+        time % 2000 - sync[time // 2000] for time, heard, _, _ in frames if heard == identifier
+    ]
     assert max(latencies) == round(row["latency"] * 1e6)
 
 
@@ -400,7 +421,10 @@ def test_shortest_step(tmp_path, mode, encoding):
     result, frames = simulate(tmp_path, still(mode, encoding, bits, shortest - 1))
     assert max(sync_delays(frames, shortest - 1)) >= 1
     if encoding == "identifier":
-        # The same contents in every step: the delay grows until the last frame is too late.
+        # But for SYNC the same contents in every step: where the shortest SYNC is too long as well,
+        # the delay grows until the last frame is too late.
+        less = shortest - len(SYNC_BITS)
+        result, _ = simulate(tmp_path, still(mode, encoding, bits, less))
         assert result["late_frames"] > 0
 
     # 5 % less is too short for what is longest in one step of 128 as well.
@@ -528,12 +552,12 @@ def test_report_of_the_aircraft():
     assert json.loads(json.dumps(costs)) == costs  # stands in a file as it is
     text = "\n".join(report_lines(costs))
     assert "CAN at 500 kbit/s, link mode, payload encoding, a step every 500 ms" in text
-    assert "guaranteed 0.686 %" in text
-    assert "mean 0.666 %" in text
-    assert "3.432 ms" in text
+    assert "guaranteed 0.69 %, with clocks in step 0.682 %, mean 0.669 %" in text
+    assert "SYNC 57..59" in text
+    assert "3.448 ms" in text
     assert "1050 agents" in text
     assert "FAILS" not in text
-    assert re.search(r"0x10004004 +1 to 2 +80\.\.83 +80\.7 +0\.436 ms +0\.160 ms", text)
+    assert re.search(r"0x10004004 +1 to 2 +80\.\.83 +80\.7 +0\.452 ms +0\.160 ms", text)
     assert "... 5 more" in text
     assert "7 to 6" in text
     assert max(map(len, text.splitlines())) <= 100
@@ -557,6 +581,7 @@ def test_a_group_without_links():
     system = system_of(content)
     system.graphs = [[]]
     costs = bus_cost(system)
-    assert costs["load_guaranteed"] == costs["load_mean"] == pytest.approx(SYNC_BITS / 1000)
+    assert costs["load_guaranteed"] == costs["load_in_step"] == pytest.approx(SYNC_BITS[-1] / 1000)
+    assert costs["load_mean"] == pytest.approx(SYNC_MEAN / 1000)
     assert [row["identifier"] for row in costs["frames"]] == [SYNC]
     assert report_lines(costs)

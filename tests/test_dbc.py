@@ -33,19 +33,20 @@ def database(content):
 
 
 def test_constants_are_those_of_the_library():
-    header = (ROOT / "lib/onebit_frame.h").read_text()
-    source = (ROOT / "lib/onebit_frame.c").read_text()
-    found = dict(re.findall(r"#define (\w+) (0[xX][0-9a-fA-F]+|\d+)u", header + source))
+    text = "".join(
+        (ROOT / f"lib/{name}.h").read_text() for name in ("onebit_frame", "onebit_codec")
+    )
+    found = dict(re.findall(r"#define (\w+) (0[xX][0-9a-fA-F]+|\d+)u", text))
     of_library = {
         "ONEBIT_PAYLOAD_BASE": bus_cost.PAYLOAD_BASE,
         "ONEBIT_IDENTIFIER_BASE": bus_cost.IDENTIFIER_BASE,
         "ONEBIT_LINK_BASE": bus_cost.LINK_BASE,
         "ONEBIT_SYNC_IDENTIFIER": bus_cost.SYNC_IDENTIFIER,
         "ONEBIT_STEP_MODULUS": bus_cost.STEP_MODULUS,
-        "SENDER_SHIFT": bus_cost.SENDER_SHIFT,
-        "RECEIVER_SHIFT": bus_cost.RECEIVER_SHIFT,
-        "IDENTIFIER_LAST": bus_cost.IDENTIFIER_LAST,
-        "LINK_AGENT_LAST": bus_cost.LINK_AGENT_LAST,
+        "ONEBIT_LINK_SENDER_SHIFT": bus_cost.SENDER_SHIFT,
+        "ONEBIT_LINK_RECEIVER_SHIFT": bus_cost.RECEIVER_SHIFT,
+        "ONEBIT_IDENTIFIER_LAST": bus_cost.IDENTIFIER_LAST,
+        "ONEBIT_LINK_AGENT_LAST": bus_cost.LINK_AGENT_LAST,
     }
     assert {name: int(found[name], 0) for name in of_library} == of_library
 
@@ -71,7 +72,7 @@ def test_decodes_a_run(tmp_path, name, mode):
             heard.add(message.name)
             if message.name == "SYNC":
                 t += 1
-                assert decoded == {}
+                assert decoded == {"counter": t % 128 or 128}
                 continue
             assert decoded == {"bit": frame.data[0] & 1, "step": t % 128}
             counts["frames"] += 1
@@ -88,7 +89,7 @@ def test_decodes_a_run(tmp_path, name, mode):
             assert message.senders == [f"agent_{sender}"]
     assert t == content["gains"]["t0"] + STEPS
     # None that nobody sends; the simulator's runs end without a stop.
-    assert heard | {"stop"} == {message.name for message in known.messages}
+    assert heard | {"network_management"} == {message.name for message in known.messages}
     assert 0 < counts["ones"] < counts["frames"]
 
 
@@ -98,21 +99,24 @@ def test_says_who_and_how_often(mode):
     assert known.version == "aircraft-fixed"
     assert [node.name for node in known.nodes] == ["master"] + [f"agent_{k}" for k in range(1, 8)]
     assert len(known.messages) == 2 + (20 if mode == "link" else 7)
-    stop = known.get_message_by_name("stop")
-    assert (stop.frame_id, stop.length, stop.senders) == (0x000, 2, ["master"])
+    management = known.get_message_by_name("network_management")
+    assert (management.frame_id, management.length) == (0x000, 2)
+    assert management.senders == ["master"]
     assert known.decode_message(0x000, b"\x02\x00") == {"command": 2, "node": 0}
     for message in known.messages:
-        if message is stop:
+        if message is management:
             continue
         assert message.cycle_time == 500
         assert "500 ms" in message.comment
         assert all(signal.comment for signal in message.signals)
         layout = {signal.name: (signal.start, signal.length) for signal in message.signals}
-        assert layout == ({} if message.name == "SYNC" else {"bit": (0, 1), "step": (1, 7)})
+        of_message = {"bit": (0, 1), "step": (1, 7)}
+        assert layout == ({"counter": (0, 8)} if message.name == "SYNC" else of_message)
     sync = known.get_message_by_name("SYNC")
-    assert (sync.frame_id, sync.length, sync.senders) == (0x080, 0, ["master"])
-    # CANopen's optional counter.
-    assert known.decode_message(0x080, b"\x05") == {}
+    assert (sync.frame_id, sync.length, sync.senders) == (0x080, 1, ["master"])
+    (counter,) = sync.signals
+    assert (counter.minimum, counter.maximum) == (1, 128)
+    assert counter.receivers == [f"agent_{k}" for k in range(1, 8)]
     if mode == "broadcast":
         # Agent 1 of the ring with chords hears 2 and 7, and 5 across.
         receivers = known.get_message_by_name("message_1").receivers
@@ -149,7 +153,7 @@ def test_nothing_to_describe_in_identifier_form():
 def test_cycle_time_only_where_it_is_exact(period, cycle):
     known = database(scenario("two-agents", "link", period=period))
     for message in known.messages:
-        if message.name == "stop":
+        if message.name == "network_management":
             assert message.cycle_time is None
             continue
         assert message.cycle_time == cycle
@@ -165,5 +169,6 @@ def test_agents_beyond_the_identifiers():
     content = scenario("two-agents", "broadcast")
     content["bus"]["base"] = 0x7EE  # room for one
     known = database(content)
-    assert [message.name for message in known.messages] == ["SYNC", "stop", "message_1"]
+    names = [message.name for message in known.messages]
+    assert names == ["SYNC", "network_management", "message_1"]
     assert known.get_message_by_name("message_1").receivers == set()

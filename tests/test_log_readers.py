@@ -11,9 +11,10 @@ import subprocess
 from typing import NamedTuple
 
 import pytest
+import yaml
 from simulator import SCENARIOS, run, summary
 
-STEPS = 150
+STEPS = 150  # more than SYNC counts
 SYNC = 0x080
 
 
@@ -45,13 +46,14 @@ def program(name):
 
 @pytest.fixture(scope="module", params=["two-agents", "aircraft-fixed-broadcast"])
 def logs(request, tmp_path_factory):
-    """The same run logged as text and as pcap, and what it says of itself."""
+    """The same run logged as text and as pcap, what it says of itself, and its t0."""
     folder = tmp_path_factory.mktemp(request.param)
     scenario = SCENARIOS / f"{request.param}.yaml"
     text, pcap = folder / "bus.log", folder / "bus.pcap"
     run(scenario, steps=STEPS, out=folder / "out", log=text)
     run(scenario, steps=STEPS, out=folder / "out", log=pcap)
-    return text, pcap, summary(folder / "out")
+    t0 = yaml.safe_load(scenario.read_text())["gains"]["t0"]
+    return text, pcap, summary(folder / "out"), t0
 
 
 def own_frames(text):
@@ -75,11 +77,13 @@ def own_frames(text):
 
 
 def test_log_holds_the_run(logs):
-    text, _, result = logs
+    text, _, result, t0 = logs
     frames = own_frames(text)
     assert len(frames) == result["frames"]
     assert frames[0].identifier == SYNC
-    assert sum(frame.identifier == SYNC for frame in frames) == STEPS
+    counters = [frame.data for frame in frames if frame.identifier == SYNC]
+    assert counters == [bytes([t % 128 or 128]) for t in range(t0 + 1, t0 + 1 + STEPS)]
+    assert bytes([128]) in counters and bytes([0]) not in counters
     assert all(frame.identifier <= 0x7EF for frame in frames if not frame.extended)
     assert all(len(frame.data) <= 1 for frame in frames)
     times = [frame.microseconds for frame in frames]
@@ -87,7 +91,7 @@ def test_log_holds_the_run(logs):
 
 
 def test_python_can_reads_the_text(logs):
-    text, _, _ = logs
+    text, *_ = logs
     with module("can").CanutilsLogReader(text) as reader:
         frames = [
             Frame(
@@ -104,7 +108,7 @@ def test_python_can_reads_the_text(logs):
 
 
 def test_can_utils_read_the_text(logs):
-    text, _, _ = logs
+    text, *_ = logs
     with text.open() as file:
         result = subprocess.run(
             [program("log2long")], stdin=file, capture_output=True, text=True, check=True
@@ -131,7 +135,7 @@ def test_can_utils_read_the_text(logs):
 
 
 def test_scapy_reads_the_pcap(logs):
-    text, pcap, _ = logs
+    text, pcap, *_ = logs
     can = module("scapy.layers.can")
     frames = []
     for packet in module("scapy.utils").rdpcap(str(pcap)):

@@ -6,6 +6,7 @@ against the simulator, and against programs of the host's compilers and of a big
 """
 
 import re
+import subprocess
 import sys
 
 import pytest
@@ -84,6 +85,35 @@ def test_host_with_another_capability(tmp_path, capability):
     need("gcc")
     run("gcc", *FLAGS, "-O2", f"-D{capability}", *SOURCES, "-o", tmp_path / "aircraft")
     assert run(tmp_path / "aircraft") == expected()
+
+
+# Options for smaller firmware; test_options.py shows that each changes the code.
+FORMAT = [
+    "-DONEBIT_ONLY_MODE=ONEBIT_MODE_BROADCAST",
+    "-DONEBIT_ONLY_ENCODING=ONEBIT_ENCODING_PAYLOAD",
+]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["-DONEBIT_UNCHECKED"], FORMAT, ["-DONEBIT_UNCHECKED", *FORMAT]],
+    ids=["unchecked", "format", "both"],
+)
+def test_host_with_options_for_smaller_firmware(tmp_path, options):
+    need("gcc")
+    run("gcc", *FLAGS, "-O2", *options, *SOURCES, "-o", tmp_path / "aircraft")
+    assert run(tmp_path / "aircraft") == expected()
+
+
+def test_the_library_refuses_another_format_than_it_was_compiled_for(tmp_path):
+    need("gcc")
+    options = [FORMAT[0], "-DONEBIT_ONLY_ENCODING=ONEBIT_ENCODING_IDENTIFIER"]
+    run("gcc", *FLAGS, "-O2", *options, *SOURCES, "-o", tmp_path / "aircraft")
+    done = subprocess.run([tmp_path / "aircraft"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    statuses = re.findall(r"^    (ONEBIT_\w+)", (ROOT / "lib/onebit_status.h").read_text(), re.M)
+    refused = statuses.index("ONEBIT_CONFIG_FORMAT")
+    assert done.stdout == f"start of agent 1: status {refused}\n"
 
 
 # Not every compiler for a big-endian processor says with GCC's macro that it is one.

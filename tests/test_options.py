@@ -164,6 +164,41 @@ def test_thumb_1_calls_no_routine_for_a_product(commands, processor, tmp_path):
     assert "__aeabi_lmul" in code([*command, "-DONEBIT_HAS_WIDE_PRODUCT=1"], tmp_path)
 
 
+# Options for smaller firmware (README.md); their results: test_one_answer.py.
+FORMATS = [
+    [f"-DONEBIT_ONLY_MODE=ONEBIT_MODE_{mode}", f"-DONEBIT_ONLY_ENCODING=ONEBIT_ENCODING_{encoding}"]
+    for mode in ("BROADCAST", "LINK")
+    for encoding in ("PAYLOAD", "IDENTIFIER")
+]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_each_fixed_format_is_a_code_of_its_own(commands, preset, tmp_path):
+    """In the agent and in the frame codec."""
+    for command in (commands(preset), commands(preset, "onebit_base", "onebit_frame.c")):
+        built = [code([*command, *options], tmp_path) for options in ([], *FORMATS)]
+        assert None not in built
+        assert len(set(built)) == len(built)
+
+
+def test_a_format_is_fixed_as_a_whole(commands):
+    for option in FORMATS[0]:
+        command = [*commands("host"), option, "-fsyntax-only"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode != 0
+        assert "ONEBIT_ONLY_MODE and ONEBIT_ONLY_ENCODING fix the format together" in done.stderr
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_unchecked_leaves_the_check_out(commands, preset, tmp_path):
+    """onebit_start no longer calls it, so that firmware does not link it."""
+    whole = code(commands(preset), tmp_path)
+    unchecked = code([*commands(preset), "-DONEBIT_UNCHECKED"], tmp_path)
+    assert "onebit_q31_check" in whole
+    assert unchecked is not None
+    assert "onebit_q31_check" not in unchecked
+
+
 def test_no_multiply_add_is_fused(commands, tmp_path):
     """-ffp-contract=off, on a processor that has such an instruction: Cortex-M4F's vfma."""
     command = commands("cortex-m4f", "onebit_f32")

@@ -200,7 +200,7 @@ def test_can_bus_with_room_believes_as_the_ideal_one(tmp_path):
 
 def test_overloaded_can_bus_loses_the_highest_identifiers(tmp_path):
     """Room for SYNC and five of seven frames: agents 6 and 7 are never heard, the others are."""
-    period = (50 + 5 * 60) / 125000
+    period = (58 + 5 * 60) / 125000
     scenario = variant(
         tmp_path, "aircraft-fixed-broadcast",
         bus={"model": "can", "bitrate": 125000}, period=period,

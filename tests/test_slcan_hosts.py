@@ -111,6 +111,8 @@ def test_a_line_that_says_nothing_is_told_and_used_all_the_same():
     assert [line[:4] for line in lines[:-1]] == 3 * [
         b"t080", b"t101", b"t102", b"t103", b"t104", b"t105", b"t106", b"t107",
     ]  # fmt: skip
+    # SYNC counts from t0 + 1 = 11.
+    assert lines[0:-1:8] == [b"t08010B", b"t08010C", b"t08010D"]
 
 
 def test_a_line_that_goes_down_ends_the_run():

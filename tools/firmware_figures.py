@@ -5,9 +5,10 @@ usage: tools/firmware_figures.py            measures and writes the tables
        tools/firmware_figures.py --print    measures and prints them
 
 Builds the images `figures` of ports/firmware for each toolchain preset, under build/figures/, runs
-them on the emulator, and adds what needs no run: bytes of the library's objects at -Os and -O2, what
-the compiler's own routines add, and the worst-case stack over the call graph. All of it is the same
-from run to run with the same compilers, whose versions stand with the tables.
+them on the emulator, and adds what needs no run: bytes of the library's objects at -Os and -O2 (but
+for the names of the codes), what the compiler's own routines add, the worst-case stack over the
+call graph, and what of it the README's example links. All of it is the same from run to run with
+the same compilers, whose versions stand with the tables.
 
 The stack: a function's own frame is what the compiler says (-fstack-usage), that of a compiler's
 routine what its pushes and its change of the stack pointer add to; who calls whom is read from the
@@ -41,6 +42,12 @@ OPERATIONS = ("update", "cdf", "encode", "control", "step")
 ARITHMETICS = ("q31", "f32", "f64")
 LEVELS = ("-Os", "-O2")
 IMAGES = ("figures", "figures-floating")
+# The README's two options for less flash, as the pump takes them.
+SMALL = (
+    "-DONEBIT_UNCHECKED",
+    "-DONEBIT_ONLY_MODE=ONEBIT_MODE_BROADCAST",
+    "-DONEBIT_ONLY_ENCODING=ONEBIT_ENCODING_PAYLOAD",
+)
 TODAY = {"float": "float, `erfcf`", "double": "double, `erfc`"}
 TODAY_AVR = {"float": "float, polynomial and `exp`"}
 
@@ -62,10 +69,20 @@ class Size:
 
 
 @dataclass
+class Pump:
+    """What lib/example/pump.c links in q31, at -Os."""
+
+    flash: int  # of lib/
+    table: int  # of it the table of the CDF
+    support: int  # of the compiler's and C library's routines
+
+
+@dataclass
 class Platform:
     counts: dict[tuple[str, str], tuple[str, int]] = field(default_factory=dict)  # mean, worst
     memory: dict[str, int] = field(default_factory=dict)  # of an agent with three neighbours
     sizes: dict[tuple[str, str], Size] = field(default_factory=dict)
+    pumps: dict[tuple[str, ...], Pump] = field(default_factory=dict)  # by the options for less
 
 
 def run(*command: object, folder: Path = ROOT) -> str:
@@ -137,37 +154,72 @@ def defined(preset: str, path: Path, kinds: str) -> set[str]:
     return {name for name, kind, *_ in map(str.split, lines) if kind in kinds}
 
 
-def compile_library(preset: str, arithmetic: str, level: str) -> tuple[Path, list[Path]]:
-    """Its objects, compiled as the preset does but for the level, and linked as a whole."""
-    folder = build_folder(preset) / "library" / f"{arithmetic}{level}"
-    folder.mkdir(parents=True, exist_ok=True)
-    objects = []
+def library_commands(preset: str, arithmetic: str, level: str) -> dict[Path, list[str]]:
+    """How the preset compiles the library's sources, but for the level; without -o."""
+    commands = {}
     for entry in compile_commands(preset):
         source = Path(entry["file"])
         words = shlex.split(entry["command"])
-        other = f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic.upper()}"
-        if source.parent != ROOT / "lib":
+        others = {f"-DONEBIT_ARITHMETIC=ONEBIT_{name.upper()}" for name in ARITHMETICS}
+        others.remove(f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic.upper()}")
+        if source.parent != ROOT / "lib" or others & {*words}:
             continue
-        if source.stem == "onebit_agent" and other not in words:
-            continue
-        path = folder / f"{source.stem}.o"
         words = words[: words.index("-o")]
         assert "-O2" in words
-        words = [level if word == "-O2" else word for word in words]
-        run(*words, "-fstack-usage", "-c", source, "-o", path, folder=folder)
-        objects.append(path)
-    # The table of the CDF lies in a library and is linked where it is needed.
-    agent = next(path for path in objects if path.stem == "onebit_agent")
-    if "onebit_cdf_table" not in run(tool(preset, "nm"), "-u", agent):
-        objects = [path for path in objects if path.stem != "onebit_cdf_table"]
+        commands[source] = [level if word == "-O2" else word for word in words]
+    return commands
+
+
+def link(preset: str, words: list[str], kept: set[str], objects: list[Path], image: Path) -> None:
+    """What a set of functions needs, and of the routines what it calls; with a map."""
     flags = [word for word in words if word.startswith(("-m", "--specs"))]
-    image = folder / "library.elf"
-    # All of the library, and of the routines what it calls.
-    public = sorted(set().union(*(defined(preset, path, "T") for path in objects)))
-    kept = [f"-Wl,-u,{name}" for name in public]
     flags += ["-nostartfiles", f"-Wl,-Map={image}.map,-e,0,--gc-sections"]
-    run(compiler(preset), *flags, *kept, *objects, "-lm", "-o", image, folder=folder)
-    return image, objects
+    flags += ["-Wl,--defsym=pump_send=0"]  # the board's, of the README's example
+    flags += [f"-Wl,-u,{name}" for name in sorted(kept)]
+    run(compiler(preset), *flags, *objects, "-lm", "-o", image, folder=image.parent)
+
+
+def compile_library(preset: str, arithmetic: str, level: str) -> tuple[Path, list[Path]]:
+    """Its objects, linked as a whole."""
+    folder = build_folder(preset) / "library" / f"{arithmetic}{level}"
+    folder.mkdir(parents=True, exist_ok=True)
+    objects = {}
+    for source, words in library_commands(preset, arithmetic, level).items():
+        objects[source.stem] = folder / f"{source.stem}.o"
+        run(*words, "-fstack-usage", "-c", source, "-o", objects[source.stem], folder=folder)
+    # Linked where they are needed: the names of the codes by who prints them, the CDF's table by
+    # f32 and q31.
+    del objects["onebit_status"]
+    needed = run(tool(preset, "nm"), "-P", "-u", objects["onebit_agent"]).split()
+    if not defined(preset, objects["onebit_cdf_table"], "RDT") & {*needed}:
+        del objects["onebit_cdf_table"]
+    paths = list(objects.values())
+    image = folder / "library.elf"
+    public = set().union(*(defined(preset, path, "T") for path in paths))
+    link(preset, words, public, paths, image)
+    return image, paths
+
+
+def measure_pump(preset: str, options: tuple[str, ...]) -> Pump:
+    """The README's firmware, with the options in its own sources and the library's."""
+    folder = build_folder(preset) / "pump" / ("small" if options else "whole")
+    folder.mkdir(parents=True, exist_ok=True)
+    commands = library_commands(preset, "q31", "-Os")
+    example = ROOT / "lib/example/pump.c"
+    commands[example] = commands[ROOT / "lib/onebit_agent.c"]
+    objects = []
+    for source, words in commands.items():
+        objects.append(folder / f"{source.stem}.o")
+        run(*words, *options, "-c", source, "-o", objects[-1], folder=folder)
+    image = folder / "pump.elf"
+    verbs = defined(preset, objects[-1], "T")
+    link(preset, words, verbs, objects, image)
+    sizes = linked_sizes(image)
+    return Pump(
+        flash=sum(size for name, size in sizes.items() if name.startswith("onebit_")),
+        table=sizes["onebit_cdf_table.o"],
+        support=sum(size for name, size in sizes.items() if ".a(" in name),
+    )
 
 
 def section_sizes(preset: str, path: Path) -> dict[str, int]:
@@ -176,15 +228,15 @@ def section_sizes(preset: str, path: Path) -> dict[str, int]:
     return dict(zip(heading.split()[:3], map(int, numbers.split()[:3]), strict=True))
 
 
-def archive_members(image: Path) -> dict[str, int]:
-    """Bytes of each member of an archive that the linker's map has in memory."""
+def linked_sizes(image: Path) -> dict[str, int]:
+    """Bytes of each object, or member of an archive, that the linker's map has in memory."""
     text = Path(f"{image}.map").read_text().split("Linker script and memory map", 1)[1]
-    members: dict[str, int] = {}
-    pattern = r"^ \.(?:text|rodata)\S*\s+0x[0-9a-f]+\s+0x([0-9a-f]+)\s+\S*?([^/\s]+\.a\([^)]+\))"
+    sizes: dict[str, int] = {}
+    pattern = r"^ \.(?:text|rodata)\S*\s+0x[0-9a-f]+\s+0x([0-9a-f]+)\s+\S*?([^/\s]+)$"
     for match in re.finditer(pattern, text, re.MULTILINE):
         if size := int(match[1], 16):
-            members[match[2]] = members.get(match[2], 0) + size
-    return members
+            sizes[match[2]] = sizes.get(match[2], 0) + size
+    return sizes
 
 
 @dataclass
@@ -287,14 +339,13 @@ def deepest(functions: dict[str, Function], name: str, call_bytes: int, path: tu
 def measure_size(preset: str, arithmetic: str, level: str) -> Size:
     image, objects = compile_library(preset, arithmetic, level)
     sizes = [section_sizes(preset, path) for path in objects]
-    members = archive_members(image)
     own = set().union(*(defined(preset, path, "TtRr") for path in objects))
     functions = call_graph(preset, image, objects)
     call_bytes = return_bytes(preset)
     public = [name for name in functions if re.match(r"onebit_[a-z0-9_]+$", name)]
     return Size(
         flash=sum(size["text"] + size["data"] for size in sizes),
-        support=sum(members.values()),
+        support=sum(size for name, size in linked_sizes(image).items() if ".a(" in name),
         routines=defined(preset, image, "TtWw") - own,
         data=sum(size["data"] for size in sizes),
         bss=sum(size["bss"] for size in sizes),
@@ -308,6 +359,7 @@ def measure() -> dict[str, Platform]:
         build(preset)
         platform = platforms[preset] = Platform()
         count(preset, platform)
+        platform.pumps = {options: measure_pump(preset, options) for options in ((), SMALL)}
         for arithmetic in platform.memory:
             for level in LEVELS:
                 platform.sizes[arithmetic, level] = measure_size(preset, arithmetic, level)
@@ -354,6 +406,19 @@ def bytes_table(platforms: dict[str, Platform]) -> list[str]:
     return lines
 
 
+def pumps_table(platforms: dict[str, Platform]) -> list[str]:
+    lines = [
+        "| | of `lib/` | table of the CDF | routines | of `lib/`, small | routines, small |",
+        "|---|---|---|---|---|---|",
+    ]
+    for preset, platform in platforms.items():
+        whole, small = (platform.pumps[options] for options in ((), SMALL))
+        numbers = (whole.flash, whole.table, whole.support, small.flash, small.support)
+        cells = (f"{number:,}" for number in numbers)
+        lines.append("| " + " | ".join([PRESETS[preset], *cells]) + " |")
+    return lines
+
+
 def tables(platforms: dict[str, Platform]) -> str:
     return "\n".join(
         [
@@ -366,6 +431,11 @@ def tables(platforms: dict[str, Platform]) -> str:
             "Bytes:",
             "",
             *bytes_table(platforms),
+            "",
+            "Bytes of flash that the README's pump links in q31 at -Os; small is with",
+            "`-DONEBIT_UNCHECKED` and its frame format fixed:",
+            "",
+            *pumps_table(platforms),
             "",
         ]
     )

@@ -11,50 +11,42 @@
 #define STEPS 50
 
 #if ONEBIT_ARITHMETIC == ONEBIT_Q31
-#define NUMBER(value, bits) ONEBIT_REAL(value, bits)
 #define VALUE(number, bits) ((double)(number) / (double)((uint64_t)1 << (bits)))
-#define COEFFICIENT(value)                                                                         \
-    {                                                                                              \
-        value, 0                                                                                   \
-    }
 #else
-#define NUMBER(value, bits) ((onebit_real)(value))
 #define VALUE(number, bits) ((double)(number))
-#define COEFFICIENT(value) value
 #endif
 
 int main(void)
 {
     static const uint32_t neighbours[] = {2, 3};
-    static const onebit_real stabilizing[] = {NUMBER(-0.5, 30)};
-    static const onebit_real compression[] = {NUMBER(1.0, 30)};
-    static const onebit_coefficient estimator_gain = COEFFICIENT(5);
-    static const onebit_coefficient control_gain = COEFFICIENT(2);
+    static const onebit_format format = ONEBIT_FORMAT_BROADCAST_PAYLOAD;
+    static const onebit_real stabilizing[] = {ONEBIT_REAL(-0.5, 30)};
+    static const onebit_real compression[] = {ONEBIT_REAL(1.0, 30)};
+    static const onebit_coefficient estimator_gain = ONEBIT_COEFFICIENT(5.0);
+    static const onebit_coefficient control_gain = ONEBIT_COEFFICIENT(2.0);
     static onebit_config config;
     onebit_agent agent;
-    onebit_estimate links[2];
-    onebit_real x = NUMBER(0.25, 26);
+    onebit_estimate estimates[2];
+    onebit_real x = ONEBIT_REAL(0.25, 26);
     onebit_real u = 0;
 
     config.agent = 1;
     config.neighbours = neighbours;
     config.neighbour_count = 2;
     config.state_count = 1;
-    config.format.base = ONEBIT_PAYLOAD_BASE;
+    config.format = format;
     config.stabilizing = stabilizing;
     config.compression = compression;
-    config.threshold = NUMBER(-0.5, 27);
-    config.bound = NUMBER(2.0, 27);
+    config.threshold = ONEBIT_NOISE(-0.5);
+    config.bound = ONEBIT_NOISE(2.0);
     config.estimator_gain = estimator_gain;
     config.control_gain = control_gain;
     config.start = 10;
-#if ONEBIT_ARITHMETIC == ONEBIT_Q31
     config.fraction_bits.stabilizing = 30;
     config.fraction_bits.compression = 30;
     config.fraction_bits.state = 26;
     config.fraction_bits.control = 26;
-#endif
-    if (onebit_start(&config, &agent, links, NULL) != ONEBIT_OK) {
+    if (onebit_start(&config, &agent, estimates, NULL) != ONEBIT_OK) {
         return 1;
     }
     printf("%d %d\n", ONEBIT_ARITHMETIC, (int)sizeof(onebit_real));

@@ -27,14 +27,16 @@ STEP_MODULUS = 128
 
 
 @pytest.mark.usefixtures("vcan")
-def test_a_frame_made_by_hand_is_taken_as_a_bit(tmp_path):
-    """Two agents, the second of them cansend; the estimates again from the paper's equation."""
+@pytest.mark.parametrize("counted", [True, False], ids=["counter", "no-counter"])
+def test_a_frame_made_by_hand_is_taken_as_a_bit(tmp_path, counted):
+    """Two agents, the second of them cansend; the estimates again from the paper's equation. SYNC
+    with its counter and, as other masters send it, without."""
     content = yaml.safe_load(TWO.read_text())
     t0, beta = content["gains"]["t0"], content["gains"]["beta"]
     (node,) = start_nodes(tmp_path, TWO, "--arith", "f64", agents=[1])
     bits = [1, 0, 0, None, 1, 1, 0, 1, 1, 1]  # None: silent for a step
     for step, bit in enumerate(bits):
-        send("080#")
+        send(f"080#{(t0 + 1 + step) % STEP_MODULUS or STEP_MODULUS:02X}" if counted else "080#")
         if bit is not None:
             send(f"10008002#{(t0 + 1 + step) % STEP_MODULUS << 1 | bit:02X}")
     send("000#0200")

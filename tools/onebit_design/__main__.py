@@ -38,7 +38,7 @@ DESCRIPTION = """\
 Reads a machine and a network, chooses what the file leaves to `auto`, and writes into DIR:
 
   scenario.yaml     complete, for onebit-sim run
-  onebit_config.h   constants for firmware in q31 and f32
+  onebit_config.h   constants for firmware, in any arithmetic
   design.json       every figure, condition and prediction
   onebit.dbc        the frames, for CAN tools (payload encoding)
   prediction.svg    predicted disagreement over a simulated ensemble

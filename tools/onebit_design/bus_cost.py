@@ -5,7 +5,8 @@ frames are those of lib/onebit_frame.h, which tests/test_dbc.py compares with th
 
 Worst cases come in two strengths. *Guaranteed* takes each frame at its own longest, whatever the
 agents' clocks say. *In step* uses that all agents number a step alike, so that not all can be at
-their longest at once; it is exact, and onebit-sim reaches it.
+their longest at once, nor all and SYNC, whose counter is that number too; it is exact, and
+onebit-sim reaches it.
 """
 
 import math
@@ -83,7 +84,10 @@ def frame_bits(identifier, data=None, extended=False):
 
 
 def sync_bits():
-    return int(frame_bits(SYNC_IDENTIFIER))
+    """Lengths of SYNC by step residue; its counter is the residue, with 128 for 0."""
+    counters = np.arange(STEP_MODULUS)
+    counters[0] = STEP_MODULUS
+    return frame_bits(SYNC_IDENTIFIER, counters)
 
 
 def base_of(bus):
@@ -203,6 +207,7 @@ def bus_cost(system):
     encoding, bitrate = bus["encoding"], float(bus["bitrate"])
     extended = mode == "link"
     sync = sync_bits()
+    longest_sync = int(sync.max())
     period_bits = round(system.period * bitrate, 6)  # 0.0011 s * 500000 bit/s is 550
     # Steps begin at whole bit times, so the shortest has its fraction cut off.
     room = math.floor(period_bits)
@@ -226,9 +231,9 @@ def bus_cost(system):
             {
                 "frames": len(member) + 1,
                 "share": float(share),
-                "bits_guaranteed": sync + int(longest[member].sum()),
-                "bits_in_step": sync + int(own.max(axis=2).sum(axis=0).max(initial=0)),
-                "bits_mean": sync + float(own.mean(axis=(1, 2)).sum()) if member else float(sync),
+                "bits_guaranteed": longest_sync + int(longest[member].sum()),
+                "bits_in_step": int((sync + own.max(axis=2).sum(axis=0)).max()),
+                "bits_mean": float(sync.mean() + own.mean(axis=(1, 2)).sum()),
             }
         )
     worst = max(range(len(graphs)), key=lambda graph: graphs[graph]["bits_guaranteed"])
@@ -241,9 +246,9 @@ def bus_cost(system):
         factor = 1 if encoding == "payload" else 2
         candidates = base_of(bus) + factor * np.arange(1, by_identifier + 1)
         candidate_bits = message_bits(candidates, extended, encoding).max(axis=(1, 2), initial=0)
-        by_period = largest_count(candidate_bits, room - sync)
+        by_period = largest_count(candidate_bits, room - longest_sync)
     elif len(members[worst]) > 0:
-        by_period = int((room - sync) * system.agents // (guaranteed - sync))
+        by_period = int((room - longest_sync) * system.agents // (guaranteed - longest_sync))
     else:
         by_period = by_identifier
     by_period = max(0, min(by_period, by_identifier))
@@ -253,7 +258,6 @@ def bus_cost(system):
         "encoding": encoding,
         "bitrate": bitrate,
         "period": float(system.period),
-        "sync_bits": sync,
         "graphs": graphs,
         "worst_graph": worst + 1,
         "load_guaranteed": guaranteed / period_bits,
@@ -279,7 +283,7 @@ def frame_rows(system, everything, bits, members, period_bits, fits):
     latency = np.zeros(len(everything), dtype=np.int64)
     sync_blocking = longest.max(initial=0)
     for member in members:
-        lengths = np.append(sync, longest[member])
+        lengths = np.append(sync.max(), longest[member])
         below = np.append(longest[1:], 0)
         blocking = np.maximum.accumulate(below[::-1])[::-1][member]
         if len(members) > 1 and not fits:
@@ -297,7 +301,7 @@ def frame_rows(system, everything, bits, members, period_bits, fits):
     def response_seconds(bit_times):
         return seconds(bit_times) if bit_times <= period_bits else None
 
-    sync_response = float(sync_blocking + sync)
+    longest_sync = int(sync.max())
     rows = [
         {
             "identifier": SYNC_IDENTIFIER,
@@ -305,11 +309,11 @@ def frame_rows(system, everything, bits, members, period_bits, fits):
             "sender": 0,
             "receiver": 0,
             "bit": None,
-            "bits_min": sync,
-            "bits_mean": float(sync),
-            "bits_max": sync,
-            "response": response_seconds(sync_response),
-            "latency": seconds(sync - INTERFRAME_BITS),
+            "bits_min": int(sync.min()),
+            "bits_mean": float(sync.mean()),
+            "bits_max": longest_sync,
+            "response": response_seconds(float(sync_blocking + longest_sync)),
+            "latency": seconds(longest_sync - INTERFRAME_BITS),
         }
     ]
     payload = system.bus["encoding"] == "payload"
@@ -341,6 +345,13 @@ def time_text(seconds):
     return f"{1e3 * seconds:.3f} ms"
 
 
+def bits_text(row):
+    """Lengths of a frame as a range, or one number where they are alike."""
+    if row["bits_min"] == row["bits_max"]:
+        return f"{row['bits_max']}"
+    return f"{row['bits_min']}..{row['bits_max']}"
+
+
 def report_lines(costs):
     """The cost as text for the terminal."""
     link = costs["mode"] == "link"
@@ -354,7 +365,7 @@ def report_lines(costs):
         + (f" (graph {costs['worst_graph']}, the worst of {len(graphs)})" if graphs[1:] else ""),
         f"  frame length         {min(row['bits_min'] for row in frames)}.."
         f"{max(row['bits_max'] for row in frames)} bits with stuffing and interframe space; "
-        f"SYNC {costs['sync_bits']}",
+        f"SYNC {bits_text(frames[0])}",
         f"  bus load             guaranteed {100 * costs['load_guaranteed']:.3g} %, with clocks in "
         f"step {100 * costs['load_in_step']:.3g} %, mean {100 * costs['load_mean']:.3g} %",
         f"  shortest step        {time_text(costs['shortest_period'])}, with clocks in step "
@@ -397,10 +408,7 @@ def frame_line(row, left_out):
     if row["bit"] is not None:
         name += f", bit {row['bit']}"
     identifier = f"0x{row['identifier']:0{8 if row['extended'] else 3}x}"
-    bits = f"{row['bits_min']}..{row['bits_max']}"
-    if row["bits_min"] == row["bits_max"]:
-        bits = f"{row['bits_max']}"
     return (
-        f"  {identifier:<10}  {name:<{NAME_WIDTH}}  {bits:<6}  {row['bits_mean']:>4.1f}"
+        f"  {identifier:<10}  {name:<{NAME_WIDTH}}  {bits_text(row):<6}  {row['bits_mean']:>4.1f}"
         f"  {time_text(row['response']):>11}  {time_text(row['latency']):>11}"
     )

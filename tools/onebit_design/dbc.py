@@ -49,6 +49,18 @@ def signals(receivers):
     ]
 
 
+def sync_signal(receivers):
+    return cantools.database.can.Signal(
+        "counter",
+        start=0,
+        length=8,
+        minimum=1,
+        maximum=STEP_MODULUS,
+        comment=f"The step's clock t modulo {STEP_MODULUS}, with {STEP_MODULUS} for 0.",
+        receivers=receivers,
+    )
+
+
 def management_signals(receivers):
     return [
         cantools.database.can.Signal(
@@ -61,8 +73,8 @@ def management_signals(receivers):
             receivers=receivers,
         )
         for name, start, comment in [
-            ("command", 0, "2: stop. Others are not this project's."),
-            ("node", 8, "The agent that it is for; 0: all."),
+            ("command", 0, "1: start, 2: stop. Others are not this project's."),
+            ("node", 8, "The agent that it is for, 1 to 127; 0: all."),
         ]
     ]
 
@@ -92,19 +104,19 @@ def dbc_text(system):
         cantools.database.can.Message(
             SYNC_IDENTIFIER,
             "SYNC",
-            length=0,
-            signals=[],
+            length=1,
+            signals=[sync_signal(names)],
             senders=[MASTER],
             cycle_time=cycle,
-            comment=f"Begins a step, {every}. CANopen's SYNC (CiA 301); a data byte is ignored.",
+            comment=f"Begins a step, {every}. CANopen's SYNC (CiA 301).",
         ),
         cantools.database.can.Message(
             MANAGEMENT_IDENTIFIER,
-            "stop",
+            "network_management",
             length=2,
             signals=management_signals(names),
             senders=[MASTER],
-            comment="Ends the run. CANopen's network management (CiA 301).",
+            comment="Stops and starts agents. CANopen's network management (CiA 301).",
         ),
     ]
     for sender, receiver, identifier in rows:

@@ -5,6 +5,7 @@ firmware and simulator command the same bits.
 """
 
 import math
+from itertools import accumulate
 from pathlib import Path
 
 import jinja2
@@ -93,7 +94,11 @@ def render(system: System, formats: Formats) -> str:
     bound = system.bound / system.sigma
     room = np.float32(4) - abs(np.float32(threshold))
     bound_number = bound if np.float32(bound) <= room else float(room)
-    first_links = np.cumsum([1] + [len(numbers) for numbers in neighbours])
+    # Graphs are undirected: an agent sends to those that it hears.
+    degrees = [len(numbers) for numbers in neighbours]
+    first_links = list(accumulate(degrees[:-1], initial=1))
+    if system.mode == "broadcast":
+        first_links = [0] * system.agents
 
     def noise(value: float) -> tuple[float, int]:
         return value, fixed(value, NOISE_FRACTION_BITS)
@@ -106,8 +111,7 @@ def render(system: System, formats: Formats) -> str:
         base=base_of(system.bus) if system.mode == "broadcast" else 0,
         period_nanoseconds=round(system.period * 1e9),
         neighbours=neighbours,
-        # Undirected graphs: an agent sends to those that it hears.
-        first_links=[int(place) for place in first_links] if system.mode == "link" else [0] * system.agents,
+        first_links=first_links,
         plant=_plant(system, formats) if system.integer_plant else None,
         # Numbers for the floating arithmetics, each with the integer that q31 takes.
         real={
