@@ -27,13 +27,15 @@
 onebit_status onebit_start(const onebit_config *config, onebit_agent *agent,
                            onebit_estimate *estimates, const onebit_real *initial)
 {
-#ifndef ONEBIT_UNCHECKED
+#ifdef ONEBIT_UNCHECKED
+    onebit_status status = config == NULL ? ONEBIT_NULL : ONEBIT_OK;
+#else
     onebit_status status = onebit_check(config);
+#endif
     if (status != ONEBIT_OK) {
         return status;
     }
-#endif
-    if (config == NULL || agent == NULL || estimates == NULL) {
+    if (agent == NULL || estimates == NULL) {
         return ONEBIT_NULL;
     }
     for (unsigned k = 0; initial != NULL && k < config->neighbour_count; ++k) {
@@ -44,7 +46,14 @@ onebit_status onebit_start(const onebit_config *config, onebit_agent *agent,
     for (unsigned k = 0; k < config->neighbour_count; ++k) {
         estimates[k] = (onebit_estimate){initial != NULL ? initial[k] : 0, 0};
     }
-    *agent = (onebit_agent){.estimates = estimates, .clock = config->start};
+    /* Field by field: for a whole structure compilers call memset. */
+    agent->estimates = estimates;
+    agent->clock = config->start;
+    agent->wrapped = false;
+    agent->saturated = 0;
+    for (unsigned k = 0; k < ONEBIT_REFUSALS; ++k) {
+        agent->refused[k] = 0;
+    }
     return onebit_advance(config, agent, 1);
 }
 
@@ -65,10 +74,11 @@ static unsigned message_count(const onebit_config *config)
     return link_mode(config) ? config->neighbour_count : 1u;
 }
 
-/* ONEBIT_OK if a verb can work with the two. */
-static onebit_status usable(const onebit_config *config, const onebit_agent *agent)
+/* ONEBIT_OK if a verb can work with the three, the last of which may be anything that it needs. */
+static onebit_status usable(const onebit_config *config, const onebit_agent *agent,
+                            const void *argument)
 {
-    if (config == NULL || agent == NULL) {
+    if (config == NULL || agent == NULL || argument == NULL) {
         return ONEBIT_NULL;
     }
     return agent->estimates == NULL ? ONEBIT_NOT_STARTED : ONEBIT_OK;
@@ -107,12 +117,9 @@ onebit_status onebit_encode(const onebit_config *config, const onebit_real *x, u
 static onebit_status draw_message(const onebit_config *config, const onebit_agent *agent,
                                   const onebit_real *x, unsigned k, onebit_message *message)
 {
-    onebit_status status = usable(config, agent);
+    onebit_status status = usable(config, agent, x);
     if (status != ONEBIT_OK) {
         return status;
-    }
-    if (x == NULL) {
-        return ONEBIT_NULL;
     }
     if (k >= message_count(config)) {
         return ONEBIT_MESSAGE;
@@ -121,7 +128,6 @@ static onebit_status draw_message(const onebit_config *config, const onebit_agen
     message->sender = config->agent;
     message->receiver = link_mode(config) ? config->neighbours[k] : 0;
     message->step = (uint8_t)(agent->clock % ONEBIT_STEP_MODULUS);
-    message->has_step = true;
     return draw_bit(config, x, k, onebit_random_word(config->seed, config->run, link, agent->clock),
                     &message->bit);
 }
@@ -136,6 +142,7 @@ onebit_status onebit_send_message(const onebit_config *config, onebit_agent *age
     }
     if (status == ONEBIT_OK) {
         *message = drawn;
+        message->has_step = true;
     }
     return status;
 }
@@ -204,22 +211,16 @@ static onebit_status take(const onebit_config *config, onebit_agent *agent,
 onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *agent,
                                      const onebit_message *message, uint32_t linked)
 {
-    onebit_status status = usable(config, agent);
-    if (status != ONEBIT_OK) {
-        return status;
-    }
-    return message == NULL ? ONEBIT_NULL : counted(agent, take(config, agent, message, linked));
+    onebit_status status = usable(config, agent, message);
+    return status != ONEBIT_OK ? status : counted(agent, take(config, agent, message, linked));
 }
 
 onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
                              const onebit_frame *frame, uint32_t linked, onebit_message *message)
 {
-    onebit_status status = usable(config, agent);
+    onebit_status status = usable(config, agent, frame);
     if (status != ONEBIT_OK) {
         return status;
-    }
-    if (frame == NULL) {
-        return ONEBIT_NULL;
     }
     if (!framed(config)) {
         return ONEBIT_CONFIG_FORMAT;
@@ -266,11 +267,11 @@ static onebit_sum disagreement(const onebit_config *config, const onebit_agent *
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
                              uint32_t linked, onebit_real *u)
 {
-    onebit_status status = usable(config, agent);
+    onebit_status status = usable(config, agent, x);
     if (status != ONEBIT_OK) {
         return status;
     }
-    if (x == NULL || u == NULL) {
+    if (u == NULL) {
         return ONEBIT_NULL;
     }
     onebit_real z = compressed(config, x);
@@ -296,7 +297,7 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
 
 onebit_status onebit_advance(const onebit_config *config, onebit_agent *agent, int32_t steps)
 {
-    onebit_status status = usable(config, agent);
+    onebit_status status = usable(config, agent, agent);
     if (status != ONEBIT_OK) {
         return status;
     }

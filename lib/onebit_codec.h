@@ -58,22 +58,33 @@ static inline uint32_t onebit_number_limit(const onebit_format *format)
     return ((ONEBIT_IDENTIFIER_LAST + 1u - format->base) >> onebit_encoding_of(format)) - 1u;
 }
 
+/* Field by field: for a whole structure compilers call memset, 110 instructions on Cortex-M0. */
+static inline void onebit_fill_frame(onebit_frame *frame, uint32_t identifier, uint8_t flags,
+                                     uint8_t length, uint8_t first)
+{
+    frame->identifier = identifier;
+    frame->flags = flags;
+    frame->length = length;
+    frame->data[0] = first;
+    for (unsigned k = 1; k < sizeof frame->data; ++k) {
+        frame->data[k] = 0;
+    }
+}
+
 /* The frame of a message whose numbers are within the limit. */
 static inline void onebit_write_frame(const onebit_format *format, const onebit_message *message,
                                       onebit_frame *frame)
 {
     bool link = onebit_mode_of(format) == ONEBIT_MODE_LINK;
     bool payload = onebit_encoding_of(format) == ONEBIT_ENCODING_PAYLOAD;
-    *frame = (onebit_frame){0};
-    frame->identifier = onebit_identifier_base(format) +
-                        (message->sender << onebit_sender_shift(format)) +
-                        (link ? message->receiver << ONEBIT_LINK_RECEIVER_SHIFT : 0u) +
-                        (payload ? 0u : message->bit);
-    frame->flags = link ? ONEBIT_FRAME_EXTENDED : 0u;
-    if (payload) {
-        frame->length = 1;
-        frame->data[0] = (uint8_t)(message->step << 1 | message->bit); /* bit 7 of step falls out */
-    }
+    uint32_t identifier = onebit_identifier_base(format) +
+                          (message->sender << onebit_sender_shift(format)) +
+                          (link ? message->receiver << ONEBIT_LINK_RECEIVER_SHIFT : 0u) +
+                          (payload ? 0u : message->bit);
+    /* Bit 7 of step falls out. */
+    uint32_t byte = payload ? (uint32_t)message->step << 1 | message->bit : 0u;
+    onebit_fill_frame(frame, identifier, link ? ONEBIT_FRAME_EXTENDED : 0u, payload ? 1u : 0u,
+                      (uint8_t)(byte & 0xFFu));
 }
 
 /* The message of a frame, whatever bits the frame holds; the codes of onebit_frame_decode. */

@@ -69,7 +69,7 @@ static inline int32_t onebit_saturate(int64_t value)
 }
 
 /* value * 2^-shift to the nearest, saturated; |value| <= 2^62, any shift. */
-static inline int32_t onebit_rescale(int64_t value, int shift)
+ONEBIT_LONG_FUNCTION int32_t onebit_rescale(int64_t value, int shift)
 {
     if (shift > 0) {
         /* One place is left to round by; from 64 on it is 0 or -1, and the result 0. */
@@ -211,14 +211,10 @@ static inline void onebit_accumulate(onebit_estimate *estimate, onebit_gain gain
  * row x * 2^-shift to the nearest, saturated. The row's magnitudes add to less than 2^31
  * (onebit_row_valid), so the sum stays within 2^62 for any x.
  */
-static inline onebit_real onebit_dot(const onebit_real *row, const onebit_real *x, unsigned count,
-                                     int shift)
+ONEBIT_LONG_FUNCTION onebit_real onebit_dot(const onebit_real *row, const onebit_real *x,
+                                            unsigned count, int shift)
 {
-    int64_t sum = 0;
-    for (unsigned k = 0; k < count; ++k) {
-        sum += onebit_product(row[k], x[k]);
-    }
-    return onebit_rescale(sum, shift);
+    return onebit_rescale(onebit_products(row, x, count), shift);
 }
 
 /* sum += value - z. */

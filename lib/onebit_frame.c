@@ -60,8 +60,7 @@ onebit_status onebit_frame_decode(const onebit_format *format, const onebit_fram
 void onebit_frame_sync(const onebit_format *format, uint32_t t, onebit_frame *frame)
 {
     uint32_t step = t % ONEBIT_STEP_MODULUS;
-    *frame = (onebit_frame){.identifier = format->sync, .length = 1};
-    frame->data[0] = (uint8_t)(step == 0 ? ONEBIT_STEP_MODULUS : step);
+    onebit_fill_frame(frame, format->sync, 0, 1, (uint8_t)(step == 0 ? ONEBIT_STEP_MODULUS : step));
 }
 
 bool onebit_frame_is_sync(const onebit_format *format, const onebit_frame *frame, uint8_t *step)

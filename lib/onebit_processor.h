@@ -134,6 +134,39 @@ static inline int32_t onebit_scaled_signed(int32_t value, uint16_t factor)
                                    : onebit_scaled_signed_by_halves(value, factor);
 }
 
+/*
+ * The sum of left[k] right[k], |sum| <= 2^62, count at most 16. By halves: those of the four
+ * partial products are added by their weight, 2^0, 2^16 and 2^32, where 48 halves do not overflow;
+ * on Cortex-M0 12 instructions a product less than adding numbers of 64 bits, and 50 bytes more.
+ */
+static inline int64_t onebit_products_by_halves(const int32_t *left, const int32_t *right,
+                                                unsigned count)
+{
+    uint32_t lower = 0;
+    uint32_t middle = 0;
+    int32_t upper = 0;
+    for (; count > 0; --count) {
+        uint32_t a = (uint32_t)*left++;
+        uint32_t b = (uint32_t)*right++;
+        int32_t a_upper = (int16_t)onebit_half(a, ONEBIT_UPPER);
+        int32_t b_upper = (int16_t)onebit_half(b, ONEBIT_UPPER);
+        uint32_t least = (uint32_t)onebit_half(a, ONEBIT_LOWER) * onebit_half(b, ONEBIT_LOWER);
+        int32_t first = a_upper * (int32_t)onebit_half(b, ONEBIT_LOWER);
+        int32_t second = b_upper * (int32_t)onebit_half(a, ONEBIT_LOWER);
+        lower += onebit_half(least, ONEBIT_LOWER);
+        middle += onebit_half(least, ONEBIT_UPPER);
+        middle += onebit_half((uint32_t)first, ONEBIT_LOWER);
+        middle += onebit_half((uint32_t)second, ONEBIT_LOWER);
+        upper += (int16_t)onebit_half((uint32_t)first, ONEBIT_UPPER);
+        upper += (int16_t)onebit_half((uint32_t)second, ONEBIT_UPPER);
+        upper += a_upper * b_upper;
+    }
+    middle += onebit_half(lower, ONEBIT_UPPER);
+    upper += onebit_half(middle, ONEBIT_UPPER);
+    return (int64_t)((uint64_t)(uint32_t)upper << 32 | middle << 16 |
+                     onebit_half(lower, ONEBIT_LOWER));
+}
+
 /* floor(left right / 2^32). */
 static inline uint32_t onebit_upper_by_halves(uint32_t left, uint32_t right)
 {
@@ -170,6 +203,20 @@ static inline int64_t onebit_product(int32_t left, int32_t right)
 {
     return ONEBIT_HAS_WIDE_PRODUCT || ONEBIT_SHIFTS_BY_ONE ? (int64_t)left * right
                                                            : onebit_product_by_halves(left, right);
+}
+
+/* As onebit_products_by_halves where that is quicker, and little space is not what is asked for. */
+static inline int64_t onebit_products(const int32_t *left, const int32_t *right, unsigned count)
+{
+#if ONEBIT_HAS_WIDE_PRODUCT || ONEBIT_SHIFTS_BY_ONE || defined(__OPTIMIZE_SIZE__)
+    int64_t sum = 0;
+    for (unsigned k = 0; k < count; ++k) {
+        sum += onebit_product(left[k], right[k]);
+    }
+    return sum;
+#else
+    return onebit_products_by_halves(left, right, count);
+#endif
 }
 
 /*

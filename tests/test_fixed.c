@@ -431,6 +431,34 @@ static void test_product(void)
     }
 }
 
+/* As many products of as large halves as a row may have: no sum of halves overflows. */
+static void test_products(void)
+{
+    uint64_t seed = 24;
+    int32_t left[ONEBIT_STATES_MAX];
+    int32_t right[ONEBIT_STATES_MAX];
+    for (unsigned trial = 0; trial < 200000; ++trial) {
+        unsigned count = trial % (ONEBIT_STATES_MAX + 1u);
+        int64_t exact = 0;
+        for (unsigned k = 0; k < count; ++k) {
+            bool edge = random_word(&seed) % 4u == 0;
+            left[k] = edge ? edges_32[random_word(&seed) % EDGES_32] : (int32_t)random_word(&seed);
+            left[k] /= ONEBIT_STATES_MAX; /* magnitudes add to at most 2^31 */
+            right[k] = edge ? edges_32[random_word(&seed) % EDGES_32] : (int32_t)random_word(&seed);
+            exact += (int64_t)left[k] * right[k];
+        }
+        REQUIRE(onebit_products(left, right, count) == exact &&
+                    onebit_products_by_halves(left, right, count) == exact,
+                "a sum of %u products", count);
+    }
+    for (unsigned k = 0; k < ONEBIT_STATES_MAX; ++k) {
+        left[k] = k == 0 ? 0x07FFFFFF + 15 : 0x07FFFFFF; /* lower halves of 2^16 - 1 */
+        right[k] = k % 2 == 0 ? INT32_MIN + 0xFFFF : INT32_MAX;
+    }
+    TEST_ASSERT_TRUE(onebit_products(left, right, ONEBIT_STATES_MAX) ==
+                     onebit_products_by_halves(left, right, ONEBIT_STATES_MAX));
+}
+
 /* Both ways of processors without the upper half of a product, against 128 bits. */
 static void check_scaled(uint32_t value, uint16_t factor)
 {
@@ -719,6 +747,7 @@ int main(void)
     RUN_TEST(test_inverse);
     RUN_TEST(test_upper);
     RUN_TEST(test_product);
+    RUN_TEST(test_products);
     RUN_TEST(test_scaled);
     RUN_TEST(test_over_32);
     RUN_TEST(test_beyond);
