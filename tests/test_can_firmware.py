@@ -19,6 +19,8 @@ TESTS = ROOT / "tests/can_controller"
 STEPS = 300
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion"]
 STRICT += ["-Wdouble-promotion", "-Wcast-align", "-Wshadow", "-Werror"]
+# What chooses the queue in tests/can_controller/*.c: frame_queue.h or byte_queue.h.
+QUEUES = {"frames": [], "bytes": ["-DBYTES"]}
 INCLUDE = [f"-I{ROOT / folder}" for folder in ("lib", "ports", "ports/can-controller")]
 
 # picolibc's start-up with text and exit status by semihosting; where memory lies on the board.
@@ -170,9 +172,11 @@ def test_compiles_without_a_warning(system, target, level, arithmetic, tmp_path)
 
 
 @pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
-def test_queue_with_an_interrupt_at_every_instruction(level, tmp_path):
+@pytest.mark.parametrize("queue", QUEUES)
+def test_queue_with_an_interrupt_at_every_instruction(queue, level, tmp_path):
     image = tmp_path / "points"
-    run(*compiler("cortex-m0"), level, TESTS / "interrupt_points.c", "-o", image)
+    command = [*compiler("cortex-m0"), level, *QUEUES[queue]]
+    run(*command, TESTS / "interrupt_points.c", "-o", image)
     *seen, last = execute("cortex-m0", image).split("\n")[:-1]
     assert re.fullmatch(r"runs \d{3,}, wrong 0", last)
     # The interrupt came before every instruction of the reader; a nop may be there to align.
@@ -183,8 +187,9 @@ def test_queue_with_an_interrupt_at_every_instruction(level, tmp_path):
     assert not instructions - set(seen)
 
 
-def test_queue_between_threads(tmp_path):
+@pytest.mark.parametrize("queue", QUEUES)
+def test_queue_between_threads(queue, tmp_path):
     program = tmp_path / "threads"
-    command = ["gcc", *STRICT, *INCLUDE, "-O2", "-g", "-fsanitize=thread", "-pthread"]
-    run(*command, TESTS / "queue_threads.c", "-o", program)
-    assert run(program, timeout=60) == "frames 100000, wrong 0\n"
+    command = ["gcc", *STRICT, *INCLUDE, *QUEUES[queue], "-O2", "-g", "-fsanitize=thread"]
+    run(*command, "-pthread", TESTS / "queue_threads.c", "-o", program)
+    assert run(program, timeout=60) == "entries 100000, wrong 0\n"
