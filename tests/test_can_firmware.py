@@ -15,13 +15,14 @@ from simulator import BUILD, ROOT, call, rows
 from simulator import run as simulate
 
 SOURCES = [*sorted((ROOT / "ports/can-controller").glob("*.c")), ROOT / "ports/step_loop.c"]
+LIBRARY = [ROOT / "ports/alignment.c", *(ROOT / "lib").glob("*.c"), ROOT / "sim/integer_plant.c"]
 TESTS = ROOT / "tests/can_controller"
 STEPS = 300
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion"]
 STRICT += ["-Wdouble-promotion", "-Wcast-align", "-Wshadow", "-Werror"]
 # What chooses the queue in tests/can_controller/*.c: frame_queue.h or byte_queue.h.
 QUEUES = {"frames": [], "bytes": ["-DBYTES"]}
-INCLUDE = [f"-I{ROOT / folder}" for folder in ("lib", "ports", "ports/can-controller")]
+INCLUDE = [f"-I{ROOT / folder}" for folder in ("lib", "ports", "ports/can-controller", "sim")]
 
 # picolibc's start-up with text and exit status by semihosting; where memory lies on the board.
 PICOLIBC = ["-specs=picolibc.specs", "--crt0=hosted", "--oslib=semihost"]
@@ -66,21 +67,48 @@ def execute(target, image):
     return run(*emulator, image, timeout=60)
 
 
-@pytest.fixture(scope="module", params=["payload", "identifier"])
-def system(request, tmp_path_factory):
-    """Six pumps with integer plants: what onebit-design writes for firmware, and a run's log."""
-    folder = tmp_path_factory.mktemp(request.param)
+def pumps(folder, encoding, period):
+    """Six pumps, of which each begins with an idea of the others."""
     examples = ROOT / "tools/onebit_design/examples"
     shutil.copy(examples / "pumps.edges", folder)
     content = yaml.safe_load((examples / "pumps.yaml").read_text())
+    content["initial"]["estimates"] = 0.25
+    content["period"] = period
+    content["bus"]["encoding"] = encoding
+    return content
+
+
+def aircraft(_, mode):
+    """Seven aircraft of four states."""
+    content = yaml.safe_load((ROOT / "sim/scenarios/aircraft-fixed.yaml").read_text())
+    content["channel"]["mode"] = mode
+    return content
+
+
+SYSTEMS = {
+    "payload": (pumps, "payload", 0.1),
+    "identifier": (pumps, "identifier", 0.1),
+    "10 ms": (pumps, "payload", 0.01),
+    "link": (aircraft, "link"),
+    "broadcast": (aircraft, "broadcast"),
+}
+
+
+def design(name, folder):
+    """What onebit-design writes for firmware of a system with integer plants, and a run's log."""
+    make, *choice = SYSTEMS[name]
+    content = make(folder, *choice)
     content["plant"]["arithmetic"] = "q31"
-    content["bus"] |= {"model": "ideal", "encoding": request.param}
-    (folder / "pumps.yaml").write_text(yaml.safe_dump(content))
-    design = [BUILD / "bin/onebit-design", folder / "pumps.yaml", "--out", folder]
-    run(*design, "--runs", "0")
-    log = folder / "bus.log"
-    simulate(folder / "scenario.yaml", arith="q31", steps=STEPS, seed=1, log=log)
+    content["bus"]["model"] = "ideal"
+    (folder / "system.yaml").write_text(yaml.safe_dump(content))
+    run(BUILD / "bin/onebit-design", folder / "system.yaml", "--out", folder, "--runs", "0")
+    simulate(folder / "scenario.yaml", arith="q31", steps=STEPS, seed=1, log=folder / "bus.log")
     return folder
+
+
+@pytest.fixture(scope="module", params=["payload", "identifier", "10 ms", "link"])
+def system(request, tmp_path_factory):
+    return design(request.param, tmp_path_factory.mktemp("system"))
 
 
 def constant(system, name):
@@ -88,8 +116,16 @@ def constant(system, name):
     return int(re.search(rf"#define {name} (\d+)", text)[1])
 
 
+def sender_of(identifier):
+    """0x10000000 + (sender << 14) + .., 0x100 + sender, or 0x400 + 2 sender + bit."""
+    if identifier >= 0x10000000:
+        return (identifier - 0x10000000) >> 14
+    return identifier - 0x100 if identifier < 0x400 else (identifier - 0x400) // 2
+
+
 def write_log(system, agent, folder):
-    """bus_log.h: of each step the own frame and the others', as they stand in the log."""
+    """bus_log.h: of each step the own frames and the others', as they stand in the log."""
+    scenario = yaml.safe_load((system / "scenario.yaml").read_text())
     step_frames = []
     for line in (system / "bus.log").read_text().splitlines():
         identifier, _, data = line.split()[2].partition("#")
@@ -97,32 +133,31 @@ def write_log(system, agent, folder):
             step_frames.append([])
         else:
             text = f"{{0x{identifier}u, {len(data) // 2}u, 0x{data or 0}u}}"
-            step_frames[-1].append((int(identifier, 16), text))
+            step_frames[-1].append((sender_of(int(identifier, 16)), text))
     assert len(step_frames) == STEPS
-    # 0x100 + agent, or 0x400 + 2 agent + bit: every agent, every step, in their order.
-    others = constant(system, "ONEBIT_CONFIG_AGENTS") - 1
     lines = []
     for frames in step_frames:
-        numbers = [i - 0x100 if i < 0x400 else (i - 0x400) // 2 for i, _ in frames]
-        assert numbers == list(range(1, others + 2))
-        own = frames[agent - 1][1]
-        rest = [text for i, (_, text) in enumerate(frames) if i != agent - 1]
-        lines.append(f"    {{{own}, {{{', '.join(rest)}}}}},")
-    initial = yaml.safe_load((system / "scenario.yaml").read_text())["initial"]["states"]
-    state = round(initial[agent - 1][0] * 2 ** constant(system, STATE_BITS))
+        assert {sender for sender, _ in frames} == set(
+            range(1, constant(system, "ONEBIT_CONFIG_AGENTS") + 1)
+        )
+        own = [text for sender, text in frames if sender == agent]
+        others = [text for sender, text in frames if sender != agent]
+        lines.append(f"    {{{{{', '.join(own)}}}, {{{', '.join(others)}}}}},")
     (folder / "bus_log.h").write_text(f"""
 #include <stdint.h>
 #define BUS_LOG_AGENT {agent}u
-#define BUS_LOG_STATE {state}
+#define BUS_LOG_FIRST {scenario["gains"]["t0"] + 1}u
+#define BUS_LOG_PERIOD {round(scenario["period"] * 1e6)}u
 #define BUS_LOG_STEPS {STEPS}u
-#define BUS_LOG_OTHERS {others}u
+#define BUS_LOG_OWN {len(own)}u
+#define BUS_LOG_OTHERS {len(others)}u
 struct logged {{
-    uint16_t identifier;
+    uint32_t identifier;
     uint8_t length;
     uint8_t data;
 }};
 static const struct logged_step {{
-    struct logged own;
+    struct logged own[BUS_LOG_OWN];
     struct logged others[BUS_LOG_OTHERS];
 }} bus_log[BUS_LOG_STEPS] = {{
 {chr(10).join(lines)}
@@ -132,19 +167,26 @@ static const struct logged_step {{
 
 STATE_BITS = "ONEBIT_CONFIG_STATE_FRACTION_BITS"
 CONTROL_BITS = "ONEBIT_CONFIG_CONTROL_FRACTION_BITS"
+NOISE_BITS = 27  # the library's Q4.27
 
 
-def simulated(system, agent, folder):
-    """State and input of each step as integers, from the simulator's replay of the log."""
+def simulated(system, agent):
+    """Of each step states, input and estimates as integers, from the simulator's replay."""
     scenario = system / "scenario.yaml"
     done = call("replay", scenario, system / "bus.log", "--agent", agent, "--arith", "q31")
     assert done.returncode == 0, done.stderr
-    (folder / "replay.csv").write_text(done.stdout)
-    scale_x = 2 ** constant(system, STATE_BITS)
-    scale_u = 2 ** constant(system, CONTROL_BITS)
+    (system / "replay.csv").write_text(done.stdout)
+    state = 2 ** constant(system, STATE_BITS)
+    control = 2 ** constant(system, CONTROL_BITS)
+    noise = 2**NOISE_BITS / yaml.safe_load(scenario.read_text())["noise"]["sigma"]
+    states = range(1, constant(system, "ONEBIT_CONFIG_STATES") + 1)
     return [
-        [float(row["x1"]) * scale_x, float(row["u"]) * scale_u]
-        for row in rows(folder / "replay.csv")
+        (
+            [float(row[f"x{k}"]) * state for k in states],
+            float(row["u"]) * control,
+            [float(row[name]) * noise for name in row if name.startswith("zhat_")],
+        )
+        for row in rows(system / "replay.csv")
     ]
 
 
@@ -152,19 +194,22 @@ def simulated(system, agent, folder):
 @pytest.mark.parametrize("target", list(TARGETS))
 def test_firmware_does_what_the_simulator_did(system, target, agent, tmp_path):
     write_log(system, agent, tmp_path)
-    sources = [*SOURCES, ROOT / "ports/alignment.c", *(ROOT / "lib").glob("*.c")]
-    command = [*compiler(target), "-Os", f"-I{system}", f"-I{tmp_path}", *sources]
+    command = [*compiler(target), "-Os", f"-I{system}", f"-I{tmp_path}", *SOURCES, *LIBRARY]
     run(*command, TESTS / "board.c", "-o", tmp_path / "firmware")
-    *steps, last = execute(target, tmp_path / "firmware").splitlines()
+    first, *lines, last = execute(target, tmp_path / "firmware").splitlines()
     assert last == "own frames wrong 0, overruns 0"
-    got = [[int(word) for word in line.split()] for line in steps]
-    assert got == simulated(system, agent, tmp_path)
-    assert len({u for _, u in got}) > STEPS / 2  # not a row of zeros
+    got = [[int(word) for word in line.split()] for line in lines[:STEPS]]
+    assert got == [[*x, u] for x, u, _ in simulated(system, agent)]
+    assert len({u for *_, u in got}) > STEPS / 2  # not a row of zeros
+    # On hold at the start, when SYNC stays away and when it is stopped; in between a step each.
+    assert [line == "hold" for line in lines[STEPS:]] == [True, False, True, False]
+    assert first == "hold"
 
 
 @pytest.mark.parametrize("arithmetic", ["Q31", "F32"])
 @pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
 @pytest.mark.parametrize("target", ["cortex-m0", "cortex-m4f"])
+@pytest.mark.parametrize("system", ["payload", "link"], indirect=True)
 def test_compiles_without_a_warning(system, target, level, arithmetic, tmp_path):
     for source in SOURCES:
         options = [level, f"-DONEBIT_ARITHMETIC=ONEBIT_{arithmetic}", f"-I{system}"]
