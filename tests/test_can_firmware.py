@@ -206,6 +206,69 @@ def test_firmware_does_what_the_simulator_did(system, target, agent, tmp_path):
     assert first == "hold"
 
 
+# Of tests/can_controller/group.c: steps before anybody restarts, the last event, all steps.
+CALM, LAST_EVENT, GROUP_STEPS = 300, 360, 1000
+GATHERED = 460
+
+
+def run_group(system, target, image, sync_counts):
+    options = ["-O2", "-DSYNC_COUNTS"] if sync_counts else ["-O2"]
+    sources = [source for source in SOURCES if source.name != "main.c"]
+    command = [*compiler(target), *options, f"-I{system}", *sources, *LIBRARY]
+    run(*command, TESTS / "group.c", "-o", image)
+    return execute(target, image)
+
+
+@pytest.mark.parametrize("sync_counts", [True, False])
+@pytest.mark.parametrize("system", ["link", "broadcast"], indirect=True)
+def test_group_starts_restarts_and_agrees(system, sync_counts, tmp_path):
+    agents = range(constant(system, "ONEBIT_CONFIG_AGENTS"))
+    said = run_group(system, "host", tmp_path / "group", sync_counts).splitlines()
+    numbers = [[int(word) for word in line.split()] for line in said[: -len(agents)]]
+    calm = numbers[: CALM * len(agents)]
+    later = numbers[len(calm) : -len(agents)]
+    last = numbers[-len(agents) :]
+    assert len(later) == GROUP_STEPS - CALM
+
+    # Each state, input and estimate, so each bit, is the simulator's.
+    for agent in agents:
+        wanted = [[*x, u, *estimates] for x, u, estimates in simulated(system, agent + 1)]
+        assert calm[agent :: len(agents)] == wanted, agent + 1
+    neighbours = [
+        len(calm[agent]) - constant(system, "ONEBIT_CONFIG_STATES") - 1 for agent in agents
+    ]
+    assert sum(neighbours) == 20
+
+    # The clocks gather, and then each takes all that its neighbours say, in every step.
+    apart = {CALM + k for k, line in enumerate(later) if len({t % 128 for t in line[::2]}) != 1}
+    deaf = {CALM + k for k, line in enumerate(later) if line[1::2] != neighbours}
+    if sync_counts:  # at once, but for who is stopped or has just restarted
+        assert apart == {*range(331, 350), LAST_EVENT}
+    assert max(apart) < GATHERED
+    assert max(deaf) < GATHERED
+    assert {*range(331, 350), LAST_EVENT} <= deaf
+
+    # They agree: the altitudes, from 1 to 5 in the beginning, lie together.
+    unit = 2 ** constant(system, STATE_BITS)
+    altitudes = [line[2] / unit for line in last]
+    assert max(altitudes) - min(altitudes) < 1
+    assert 1 < min(altitudes) < max(altitudes) < 5
+
+    # 2 and 5 restarted before step 300, 1, 3, 4 and 6 in step 360, which they gave up; 7 was stopped
+    # for steps 330 to 349. Nobody else was ever on hold.
+    steps = {1: 639, 2: 700, 3: 639, 4: 639, 5: 700, 6: 639, 7: 980}
+    for agent in agents:
+        held = 0 if agent + 1 in (2, 5) else 1
+        wanted = rf"steps {steps[agent + 1]} held {held} aligned [1-9]\d* late 0"
+        assert re.fullmatch(wanted, said[agent - len(agents)])
+
+
+@pytest.mark.parametrize("system", ["link", "broadcast"], indirect=True)
+def test_group_does_the_same_on_a_cortex_m0(system, tmp_path):
+    wanted = run_group(system, "host", tmp_path / "host", sync_counts=True)
+    assert run_group(system, "cortex-m0", tmp_path / "image", sync_counts=True) == wanted
+
+
 @pytest.mark.parametrize("arithmetic", ["Q31", "F32"])
 @pytest.mark.parametrize("level", ["-O0", "-O2", "-Os"])
 @pytest.mark.parametrize("target", ["cortex-m0", "cortex-m4f"])
