@@ -254,8 +254,8 @@ def test_group_starts_restarts_and_agrees(system, sync_counts, tmp_path):
     assert max(altitudes) - min(altitudes) < 1
     assert 1 < min(altitudes) < max(altitudes) < 5
 
-    # 2 and 5 restarted before step 300, 1, 3, 4 and 6 in step 360, which they gave up; 7 was stopped
-    # for steps 330 to 349. Nobody else was ever on hold.
+    # 2 and 5 restarted before step 300, 1, 3, 4 and 6 in step 360, which they gave up; 7 was
+    # stopped for steps 330 to 349. Nobody else was ever on hold.
     steps = {1: 639, 2: 700, 3: 639, 4: 639, 5: 700, 6: 639, 7: 980}
     for agent in agents:
         held = 0 if agent + 1 in (2, 5) else 1
