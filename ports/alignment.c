@@ -91,3 +91,10 @@ int32_t alignment_end_step(struct alignment *alignment, uint32_t agent, uint32_t
     alignment->on_time = false;
     return 0;
 }
+
+int32_t alignment_sync(struct alignment *alignment, uint8_t residue, uint32_t next, uint32_t first)
+{
+    *alignment = (struct alignment){0};
+    uint8_t error = (uint8_t)((residue - next) % ONEBIT_STEP_MODULUS);
+    return error == 0 ? 0 : nearest(error, next, first);
+}

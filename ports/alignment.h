@@ -55,4 +55,11 @@ void alignment_hear(struct alignment *alignment, uint32_t clock, const onebit_me
 int32_t alignment_end_step(struct alignment *alignment, uint32_t agent, uint32_t next,
                            uint32_t first);
 
+/*
+ * At a SYNC that tells the time, after the step before it has ended: `residue`, 0..127, is t mod
+ * 128 of the step that begins and `next` the node's own clock for it. The steps by which that must
+ * move, as above; 0 if it is right.
+ */
+int32_t alignment_sync(struct alignment *alignment, uint8_t residue, uint32_t next, uint32_t first);
+
 #endif

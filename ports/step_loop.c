@@ -5,6 +5,22 @@
 
 #include <stddef.h>
 
+#define TIMEOUT_PERIODS 3u
+
+static void hold(struct step_loop *loop)
+{
+    if (loop->on_hold) {
+        return;
+    }
+    loop->on_hold = true;
+    ++loop->counts.held;
+    if (loop->plant.hold != NULL) {
+        loop->plant.hold(loop->plant.context);
+    } else {
+        loop->plant.drive(loop->plant.context, 0);
+    }
+}
+
 static void begin_step(struct step_loop *loop)
 {
     loop->plant.measure(loop->plant.context, loop->x);
@@ -12,32 +28,52 @@ static void begin_step(struct step_loop *loop)
     loop->in_step = true;
 }
 
-void step_loop_end_step(struct step_loop *loop)
+static void move_clock(struct step_loop *loop, int32_t steps)
 {
-    if (!loop->in_step) {
-        return;
+    if (steps != 0 && onebit_advance(loop->config, loop->agent, steps) == ONEBIT_OK) {
+        ++loop->counts.aligned;
     }
+}
+
+/* The step is over: takes back what was not sent, and looks at whose clock it was. */
+static void leave_step(struct step_loop *loop)
+{
     loop->in_step = false;
     loop->counts.late += onebit_message_count(loop->config) - loop->message;
     if (loop->transport.withdraw != NULL) {
         loop->counts.late += loop->transport.withdraw(loop->transport.context);
     }
-    /* A state that is not finite is refused and the clock stands: the plant then gets no input. */
-    onebit_real u = 0;
-    if (onebit_control(loop->config, loop->agent, loop->x, ONEBIT_ALL_LINKED, &u) != ONEBIT_OK) {
-        onebit_advance(loop->config, loop->agent, 1);
-    }
-    loop->plant.drive(loop->plant.context, u);
-    ++loop->counts.steps;
-    int32_t steps = alignment_end_step(&loop->alignment, loop->config->agent, loop->agent->clock,
-                                       loop->config->start + 1u);
-    if (steps != 0) {
-        onebit_advance(loop->config, loop->agent, steps);
-        ++loop->counts.aligned;
-    }
+    move_clock(loop, alignment_end_step(&loop->alignment, loop->config->agent, loop->agent->clock,
+                                        loop->config->start + 1u));
 }
 
-static void take_sync(struct step_loop *loop, uint64_t time)
+/* The step has no input, but the group's clock goes on. An agent not started has none: refused. */
+static void give_up_step(struct step_loop *loop)
+{
+    (void)onebit_advance(loop->config, loop->agent, 1);
+    leave_step(loop);
+}
+
+static void end_step(struct step_loop *loop)
+{
+    onebit_real u;
+    if (!loop->in_step) {
+        return;
+    }
+    if (onebit_control(loop->config, loop->agent, loop->x, ONEBIT_ALL_LINKED, &u) != ONEBIT_OK) {
+        ++loop->counts.refused;
+        hold(loop);
+        give_up_step(loop);
+        return;
+    }
+    loop->on_hold = false;
+    loop->plant.drive(loop->plant.context, u);
+    ++loop->counts.steps;
+    leave_step(loop);
+}
+
+/* `told` is the step's t modulo 128, or ONEBIT_NO_STEP. */
+static void take_sync(struct step_loop *loop, uint8_t told, uint64_t time)
 {
     if (loop->synced && time - loop->sync_time < loop->period / 2) {
         ++loop->counts.sync_refused;
@@ -45,7 +81,11 @@ static void take_sync(struct step_loop *loop, uint64_t time)
     }
     loop->synced = true;
     loop->sync_time = time;
-    step_loop_end_step(loop);
+    end_step(loop);
+    if (told != ONEBIT_NO_STEP) {
+        move_clock(loop, alignment_sync(&loop->alignment, told, loop->agent->clock,
+                                        loop->config->start + 1u));
+    }
     begin_step(loop);
 }
 
@@ -64,41 +104,64 @@ static void take_message(struct step_loop *loop, const onebit_frame *frame)
     }
 }
 
+static void take_frame(struct step_loop *loop, const onebit_frame *frame, uint64_t time)
+{
+    uint8_t told;
+    if (canopen_is_start(frame, loop->node)) {
+        loop->stopped = false;
+    } else if (loop->stopped) {
+        return;
+    } else if (canopen_is_stop(frame, loop->node)) {
+        end_step(loop);
+        hold(loop);
+        loop->stopped = true;
+    } else if (onebit_frame_is_sync(&loop->config->format, frame, &told)) {
+        take_sync(loop, told, time);
+    } else if (loop->in_step) {
+        take_message(loop, frame);
+    } else {
+        ++loop->counts.outside;
+    }
+}
+
+static void look_at_time(struct step_loop *loop, uint64_t now)
+{
+    /* A frame may have come after `now` was read. */
+    uint64_t since = now > loop->sync_time ? now - loop->sync_time : 0;
+    uint64_t timeout = loop->timeout != 0 ? loop->timeout : TIMEOUT_PERIODS * loop->period;
+    if (!loop->synced || (timeout != 0 && since >= timeout)) {
+        hold(loop);
+        if (loop->in_step) {
+            give_up_step(loop);
+        }
+    } else if (loop->control_after != 0 && since >= loop->control_after) {
+        end_step(loop);
+    }
+}
+
 static void send_messages(struct step_loop *loop)
 {
     while (loop->in_step && loop->message < onebit_message_count(loop->config)) {
         onebit_frame frame;
-        /* Refused is a state that is not finite: nothing is sent then. */
-        if (onebit_send(loop->config, loop->agent, loop->x, loop->message, &frame) == ONEBIT_OK &&
-            loop->transport.send(loop->transport.context, &frame) != TRANSPORT_DONE) {
+        if (onebit_send(loop->config, loop->agent, loop->x, loop->message, &frame) != ONEBIT_OK) {
+            ++loop->counts.refused;
+        } else if (loop->transport.send(loop->transport.context, &frame) != TRANSPORT_DONE) {
             return; /* the next call tries again */
         }
         ++loop->message;
     }
 }
 
-void step_loop_run(struct step_loop *loop)
+void step_loop_run(struct step_loop *loop, uint64_t now)
 {
     onebit_frame frame;
     uint64_t time;
-    uint8_t told;
     for (unsigned k = 0; k < STEP_LOOP_FRAMES; ++k) {
         if (loop->transport.receive(loop->transport.context, &frame, &time) != TRANSPORT_DONE) {
             break;
         }
-        if (loop->stopped) {
-            continue;
-        }
-        if (canopen_is_stop(&frame, loop->config->agent)) {
-            step_loop_end_step(loop);
-            loop->stopped = true;
-        } else if (onebit_frame_is_sync(&loop->config->format, &frame, &told)) {
-            take_sync(loop, time);
-        } else if (loop->in_step) {
-            take_message(loop, &frame);
-        } else {
-            ++loop->counts.outside;
-        }
+        take_frame(loop, &frame, time);
     }
+    look_at_time(loop, now);
     send_messages(loop);
 }

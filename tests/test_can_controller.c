@@ -4,7 +4,6 @@
  * comes between any two calls of its hooks, or waits while it is locked out.
  */
 #include "can_controller.h"
-#include "canopen.h"
 #include "onebit_random.h"
 #include "step_loop.h"
 
@@ -459,14 +458,15 @@ static const uint32_t neighbours[] = {1, 3, 4};
 static const int32_t stabilizing[] = {ONEBIT_REAL(-0.25, 30)};
 static const int32_t compression[] = {ONEBIT_REAL(1.0, 30)};
 static onebit_config config;
-static onebit_estimate links[3];
+static onebit_estimate estimates[3];
 static onebit_agent agent;
-static onebit_estimate twin_links[3];
+static onebit_estimate twin_estimates[3];
 static onebit_agent twin; /* the same agent, its calls written out here */
 static struct step_loop loop;
 static int32_t state;
 static int32_t driven;
 static unsigned drives;
+static unsigned holds;
 
 static void measure(void *context, onebit_real *x)
 {
@@ -484,47 +484,59 @@ static void drive(void *context, onebit_real u)
     ++drives;
 }
 
+static void hold(void *context)
+{
+    TEST_ASSERT_EQUAL_PTR(&state, context);
+    between();
+    ++holds;
+}
+
+static void run(void)
+{
+    step_loop_run(&loop, can_controller_now(&can));
+}
+
 static void start_loop(uint8_t mode, uint8_t encoding)
 {
+    static const uint16_t bases[] = {ONEBIT_PAYLOAD_BASE, ONEBIT_IDENTIFIER_BASE};
     setUp();
     config = (onebit_config){
         .agent = OWN,
         .neighbours = neighbours,
         .neighbour_count = 3,
         .state_count = 1,
-        .format = {mode, encoding,
-                   encoding == ONEBIT_ENCODING_PAYLOAD ? ONEBIT_PAYLOAD_BASE
-                                                       : ONEBIT_IDENTIFIER_BASE},
+        .format = {mode, encoding, mode == ONEBIT_MODE_LINK ? 0 : bases[encoding],
+                   ONEBIT_SYNC_IDENTIFIER},
         .stabilizing = stabilizing,
         .compression = compression,
         .threshold = 0,
-        .bound = ONEBIT_REAL(2.0, 27),
-        .estimator_gain = {25, 0},
-        .control_gain = {1, 0},
+        .bound = ONEBIT_NOISE(2.0),
+        .estimator_gain = ONEBIT_COEFFICIENT(25.0),
+        .control_gain = ONEBIT_COEFFICIENT(1.0),
         .start = 20,
         .fraction_bits = {30, 30, 26, 26},
+        .seed = 7,
+        .first_link = 5,
     };
-    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &agent, links, NULL));
-    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &twin, twin_links, NULL));
+    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &agent, estimates, NULL));
+    TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_start(&config, &twin, twin_estimates, NULL));
     state = ONEBIT_REAL(0.75, 26);
     driven = 0;
     drives = 0;
+    holds = 0;
     loop = (struct step_loop){
         .config = &config,
         .agent = &agent,
         .transport = transport,
-        .plant = {.context = &state, .measure = measure, .drive = drive},
-        .seed = 7,
-        .first_link = 5,
+        .plant = {.context = &state, .measure = measure, .drive = drive, .hold = hold},
         .period = STEP * TICK,
     };
 }
 
+/* As masters send it that do not count; test_step_loop.c has the counter. */
 static onebit_frame sync_frame(void)
 {
-    onebit_frame frame;
-    onebit_frame_sync(&frame);
-    return frame;
+    return (onebit_frame){.identifier = ONEBIT_SYNC_IDENTIFIER};
 }
 
 static onebit_frame message_frame(uint32_t sender, uint32_t clock, bool bit)
@@ -549,14 +561,14 @@ static void come_sync(void)
     onebit_frame sync = sync_frame();
     chip.ticks += STEP;
     arrive(&sync);
-    step_loop_run(&loop);
+    run();
 }
 
 static void come_message(uint32_t sender, uint32_t clock)
 {
     onebit_frame frame = message_frame(sender, clock, some_bit(sender, clock));
     arrive(&frame);
-    step_loop_run(&loop);
+    run();
 }
 
 /* The bus carries what stands in the mailboxes; the chip does not receive it itself. */
@@ -598,48 +610,55 @@ static void check_own_message(uint32_t t, int32_t x)
     TEST_ASSERT_EQUAL_MEMORY(&frame, &chip.mailbox[0], sizeof frame);
 }
 
+/* The step that began with x has ended just now. */
+static void check_ended(int32_t x)
+{
+    TEST_ASSERT_EQUAL_INT32(twin_step(x), driven);
+    check_twin();
+}
+
 /* Whole steps, ended by the next SYNC or before it, are the library's calls in their order. */
 static void test_steps(void)
 {
-    for (int ended_before = 0; ended_before < 2; ++ended_before) {
+    for (uint64_t control_after = 0; control_after < STEP * TICK;
+         control_after += STEP / 4 * TICK) {
         for (uint8_t encoding = ONEBIT_ENCODING_PAYLOAD; encoding <= ONEBIT_ENCODING_IDENTIFIER;
              ++encoding) {
+            int32_t x = 0;
             start_loop(ONEBIT_MODE_BROADCAST, encoding);
+            loop.control_after = control_after;
             for (unsigned step = 0; step < 300; ++step) {
-                uint32_t t = twin.clock;
                 come_sync();
                 TEST_ASSERT_EQUAL_UINT(step, drives);
-                int32_t x = state;
+                if (control_after == 0 && step != 0) {
+                    check_ended(x);
+                }
+                uint32_t t = twin.clock;
+                x = state;
                 check_own_message(t, x);
                 carry_own();
                 for (unsigned k = 0; k < 3; ++k) {
                     come_message(neighbours[k], t);
                 }
-                if (ended_before) {
-                    step_loop_end_step(&loop);
-                    step_loop_end_step(&loop); /* nothing more */
-                    TEST_ASSERT_EQUAL_INT32(twin_step(x), driven);
-                    check_twin();
-                } else {
-                    /* Without the rest of the next step's SYNC. */
+                if (control_after != 0) {
+                    chip.ticks += (uint32_t)(control_after / TICK) - 1;
+                    run();
                     TEST_ASSERT_EQUAL_UINT(step, drives);
-                    onebit_frame sync = sync_frame();
-                    chip.ticks += STEP;
-                    arrive(&sync);
-                    step_loop_run(&loop);
-                    TEST_ASSERT_EQUAL_UINT(step + 1, drives);
-                    TEST_ASSERT_EQUAL_INT32(twin_step(x), driven);
-                    check_twin();
-                    /* That SYNC began a step; it is made good for by taking it back. */
-                    loop.in_step = false;
-                    carry_own();
+                    ++chip.ticks;
+                    run();
+                    check_ended(x);
+                    run();
+                    TEST_ASSERT_EQUAL_UINT(step + 1, drives); /* and no more */
                 }
             }
+            come_sync();
             TEST_ASSERT_EQUAL_UINT32(900, loop.counts.taken);
             TEST_ASSERT_EQUAL_UINT32(300, loop.counts.steps);
             TEST_ASSERT_EQUAL_UINT32(0, loop.counts.late + loop.counts.outside +
                                             loop.counts.sync_refused + loop.counts.aligned +
-                                            loop.counts.duplicates);
+                                            loop.counts.duplicates + loop.counts.held +
+                                            loop.counts.refused);
+            TEST_ASSERT_EQUAL_UINT(0, holds);
         }
     }
 }
@@ -662,7 +681,7 @@ static unsigned steps_with_surprise(unsigned surprise, unsigned due)
                 chip.surprise = frame;
                 chip.calls = 0;
                 chip.due = due;
-                step_loop_run(&loop);
+                run();
                 calls = chip.calls;
                 if (chip.calls < due) {
                     arrive(&frame);
@@ -674,7 +693,7 @@ static unsigned steps_with_surprise(unsigned surprise, unsigned due)
                     continue;
                 }
             }
-            step_loop_run(&loop);
+            run();
             if (k == 0) {
                 carry_own();
             }
@@ -683,7 +702,7 @@ static unsigned steps_with_surprise(unsigned surprise, unsigned due)
     onebit_frame sync = sync_frame();
     chip.ticks += STEP;
     arrive(&sync);
-    step_loop_run(&loop);
+    run();
     return calls;
 }
 
@@ -692,8 +711,8 @@ static void test_interrupt_between_any_two_hook_calls(void)
 {
     steps_with_surprise(1000, 0);
     int32_t expected_state = state;
-    onebit_estimate expected_links[3];
-    memcpy(expected_links, links, sizeof links);
+    onebit_estimate expected[3];
+    memcpy(expected, estimates, sizeof estimates);
     TEST_ASSERT_EQUAL_UINT32(9, loop.counts.taken);
     unsigned tried = 0;
     for (unsigned surprise = 1; surprise < 12; ++surprise) {
@@ -701,7 +720,7 @@ static void test_interrupt_between_any_two_hook_calls(void)
         for (unsigned due = 1; due <= calls; ++due, ++tried) {
             calls = steps_with_surprise(surprise, due);
             TEST_ASSERT_EQUAL_INT32(expected_state, state);
-            TEST_ASSERT_EQUAL_MEMORY(expected_links, links, sizeof links);
+            TEST_ASSERT_EQUAL_MEMORY(expected, estimates, sizeof estimates);
             TEST_ASSERT_EQUAL_UINT32(9, loop.counts.taken);
             TEST_ASSERT_EQUAL_UINT32(3, loop.counts.steps);
         }
@@ -727,7 +746,7 @@ static void test_what_is_late_is_withdrawn(void)
     carry_own();
     chip.mailboxes = 0;
     come_sync();
-    step_loop_run(&loop);
+    run();
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.late);
     chip.mailboxes = 1;
     come_sync();
@@ -742,12 +761,12 @@ static void test_full_mailboxes_are_tried_again(void)
     start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     chip.mailboxes = 0;
     come_sync();
-    step_loop_run(&loop);
+    run();
     chip.mailboxes = 1;
-    step_loop_run(&loop);
+    run();
     check_own_message(config.start + 1u, state);
     carry_own();
-    step_loop_run(&loop);
+    run();
     TEST_ASSERT_EQUAL_UINT(0, chip.mailbox_count);
     can_controller_counts(&can, &counts);
     TEST_ASSERT_EQUAL_UINT32(1, counts.sent);
@@ -763,12 +782,12 @@ static void test_bus_off_in_a_step(void)
     chip.ticks += STEP;
     arrive(&sync);
     chip.off = true;
-    step_loop_run(&loop);
+    run();
     TEST_ASSERT_TRUE(loop.in_step);
     TEST_ASSERT_EQUAL_UINT(0, chip.mailbox_count);
-    step_loop_run(&loop);
+    run();
     chip.off = false;
-    step_loop_run(&loop);
+    run();
     check_own_message(config.start + 1u, state);
 }
 
@@ -782,23 +801,22 @@ static void test_link_mode(void)
         chip.ticks += STEP;
         arrive(&sync);
         for (unsigned k = 0; k < 3; ++k) {
-            step_loop_run(&loop);
+            run();
             onebit_message message;
             bool bit;
             TEST_ASSERT_EQUAL_UINT(1, chip.mailbox_count);
             TEST_ASSERT_EQUAL(ONEBIT_OK,
                               onebit_frame_decode(&config.format, &chip.mailbox[0], &message));
-            onebit_encode(&config, &state, 0, onebit_random_word(7, 0, 5 + k, t), &bit);
+            onebit_encode(&config, &state, k, onebit_random_word(7, 0, 5 + k, t), &bit);
             TEST_ASSERT_EQUAL_UINT32(OWN, message.sender);
             TEST_ASSERT_EQUAL_UINT32(neighbours[k], message.receiver);
             TEST_ASSERT_EQUAL_UINT32(t % 128, message.step);
             TEST_ASSERT_EQUAL(bit, message.bit);
             carry_own();
         }
-        step_loop_run(&loop);
+        run();
         TEST_ASSERT_EQUAL_UINT(0, chip.mailbox_count);
         come_message(1, t);
-        step_loop_end_step(&loop);
     }
     TEST_ASSERT_EQUAL_UINT32(0, loop.counts.late);
     TEST_ASSERT_EQUAL_UINT32(49, loop.counts.taken);
@@ -808,24 +826,26 @@ static void test_link_mode(void)
 static void test_frames_that_do_not_count(void)
 {
     start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_IDENTIFIER);
+    loop.control_after = STEP / 2 * TICK;
     come_message(1, 21); /* before the first SYNC */
     come_sync();
     come_message(OWN, 21);
     come_message(9, 21);
     onebit_frame report = {.flags = ONEBIT_FRAME_ERROR, .length = 8};
     arrive(&report);
-    step_loop_run(&loop);
+    run();
     come_message(1, 21);
     come_message(1, 21);
-    step_loop_end_step(&loop);
+    chip.ticks += STEP / 2;
+    run();
     come_message(3, 21); /* without a step number it would count for the next */
     come_sync();
     TEST_ASSERT_EQUAL_UINT32(2, loop.counts.outside);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.duplicates);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.taken);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_UNKNOWN]);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_ERROR_FRAME - ONEBIT_REFUSED_UNKNOWN]);
-    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_REPEATED - ONEBIT_REFUSED_UNKNOWN]);
+    TEST_ASSERT_EQUAL_UINT16(2, agent.refused[ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_FIRST]);
+    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_ERROR_FRAME - ONEBIT_REFUSED_FIRST]);
+    TEST_ASSERT_EQUAL_UINT16(1, agent.refused[ONEBIT_REFUSED_REPEATED - ONEBIT_REFUSED_FIRST]);
     TEST_ASSERT_EQUAL_HEX32(0, agent.heard);
 }
 
@@ -836,14 +856,14 @@ static void test_sync_too_soon_is_refused(void)
     come_sync();
     chip.ticks += STEP / 2 - 1;
     arrive(&sync);
-    step_loop_run(&loop);
+    run();
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.sync_refused);
     TEST_ASSERT_EQUAL_UINT32(0, loop.counts.steps);
     /* Half a period after the last that was taken, though the loop was away for a while. */
     chip.ticks += 1;
     arrive(&sync);
     chip.ticks += 5 * STEP;
-    step_loop_run(&loop);
+    run();
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.sync_refused);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.steps);
 }
@@ -880,7 +900,7 @@ static void test_any_transport(void)
     start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     loop.transport =
         (struct transport){.context = &times, .send = send_nothing, .receive = receive_time};
-    step_loop_run(&loop);
+    step_loop_run(&loop, 2 * STEP * TICK);
     TEST_ASSERT_EQUAL_UINT32(2, loop.counts.steps);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.sync_refused);
     TEST_ASSERT_EQUAL_UINT32(2, loop.counts.late);
@@ -898,35 +918,13 @@ static void test_a_call_is_bounded(void)
         onebit_frame frame = frame_of(0x7E0);
         arrive(&frame);
     }
-    step_loop_run(&loop);
-    TEST_ASSERT_EQUAL_UINT16(STEP_LOOP_FRAMES, agent.refused[0]);
+    run();
+    TEST_ASSERT_EQUAL_UINT16(STEP_LOOP_FRAMES,
+                             agent.refused[ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_FIRST]);
     TEST_ASSERT_TRUE(can_controller_waiting(&can));
-    step_loop_run(&loop);
-    TEST_ASSERT_EQUAL_UINT16(STEP_LOOP_FRAMES + 10, agent.refused[0]);
-}
-
-/* The master's stop ends the step and then everything; another node's stop does nothing. */
-static void test_stop(void)
-{
-    start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
-    onebit_frame stop;
-    canopen_stop_all(&stop);
-    stop.data[1] = OWN + 1;
-    come_sync();
-    arrive(&stop);
-    step_loop_run(&loop);
-    TEST_ASSERT_FALSE(loop.stopped);
-    TEST_ASSERT_TRUE(loop.in_step);
-    canopen_stop_all(&stop);
-    arrive(&stop);
-    come_sync();
-    TEST_ASSERT_TRUE(loop.stopped);
-    TEST_ASSERT_EQUAL_UINT(1, drives);
-    come_message(1, agent.clock);
-    step_loop_end_step(&loop);
-    TEST_ASSERT_EQUAL_UINT(1, drives);
-    TEST_ASSERT_EQUAL_UINT32(0, loop.counts.taken + loop.counts.outside);
-    TEST_ASSERT_FALSE(can_controller_waiting(&can));
+    run();
+    TEST_ASSERT_EQUAL_UINT16(STEP_LOOP_FRAMES + 10,
+                             agent.refused[ONEBIT_REFUSED_UNKNOWN - ONEBIT_REFUSED_FIRST]);
 }
 
 /* A node that starts into a group 40 steps ahead finds its clock (ports/alignment.h). */
@@ -934,7 +932,7 @@ static void test_alignment(void)
 {
     start_loop(ONEBIT_MODE_BROADCAST, ONEBIT_ENCODING_PAYLOAD);
     uint32_t group = config.start + 41u;
-    for (unsigned step = 0; step < 10; ++step, ++group) {
+    for (unsigned step = 0; step < 20; ++step, ++group) {
         come_sync();
         carry_own();
         come_message(1, group);
@@ -943,7 +941,7 @@ static void test_alignment(void)
     come_sync();
     TEST_ASSERT_EQUAL_UINT32(group, agent.clock);
     TEST_ASSERT_EQUAL_UINT32(1, loop.counts.aligned);
-    TEST_ASSERT_TRUE(loop.counts.taken >= 16);
+    TEST_ASSERT_TRUE(loop.counts.taken >= 24);
 }
 
 int main(void)
@@ -971,7 +969,6 @@ int main(void)
     RUN_TEST(test_sync_too_soon_is_refused);
     RUN_TEST(test_any_transport);
     RUN_TEST(test_a_call_is_bounded);
-    RUN_TEST(test_stop);
     RUN_TEST(test_alignment);
     return UNITY_END();
 }

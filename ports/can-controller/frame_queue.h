@@ -1,20 +1,13 @@
 /*
  * Frames on their way from the receive interrupt to the step loop: a ring with one writer (the
- * interrupt) and one reader (the loop) that needs no interrupt lock. Touches its arguments only.
- *
- * Why no lock: each index has one writer and is one byte, which every processor reads and writes
- * whole. An entry is filled before `put` is stored, and read before `taken` is; the two functions
- * below keep the compiler to that order, and an interrupt sees the program that it interrupted in
- * the order in which its instructions stand. Where the two sides run on different cores they keep
- * the processors to it too (on a Cortex-M a dmb). C99 itself has no word for any of this.
- *
- * One writer means: frame_queue_put from one interrupt, or from several that cannot interrupt each
- * other (equal priority).
+ * interrupt) and one reader (the loop) that needs no interrupt lock (queue_index.h says why).
+ * Touches its arguments only.
  */
 #ifndef FRAME_QUEUE_H
 #define FRAME_QUEUE_H
 
 #include "onebit_frame.h"
+#include "queue_index.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -34,23 +27,6 @@ struct frame_queue {
     uint8_t taken;                     /* likewise; the step loop writes it */
 };
 
-#ifndef __GNUC__
-#error "frame_queue.h: write frame_queue_index and frame_queue_publish for this compiler: a load \
-(store) of one byte before (after) which it moves no other access to memory"
-#endif
-
-/* The other side's index: what it did before it published this value has been done. */
-static inline uint8_t frame_queue_index(const uint8_t *index)
-{
-    return __atomic_load_n(index, __ATOMIC_ACQUIRE);
-}
-
-/* The own index: what was done before stands in memory when the other side sees this value. */
-static inline void frame_queue_publish(uint8_t *index, uint8_t value)
-{
-    __atomic_store_n(index, value, __ATOMIC_RELEASE);
-}
-
 /* False, and nothing done, if `count` is not a power of two from 1 to FRAME_QUEUE_MAX. */
 static inline bool frame_queue_start(struct frame_queue *queue, struct frame_queue_entry *entries,
                                      unsigned count)
@@ -68,27 +44,27 @@ static inline bool frame_queue_start(struct frame_queue *queue, struct frame_que
 /* Interrupt: the entry to fill in before frame_queue_put, null if the queue is full. */
 static inline struct frame_queue_entry *frame_queue_room(const struct frame_queue *queue)
 {
-    uint8_t waiting = (uint8_t)(queue->put - frame_queue_index(&queue->taken));
+    uint8_t waiting = (uint8_t)(queue->put - queue_index_read(&queue->taken));
     return waiting < queue->count ? &queue->entries[queue->put & (queue->count - 1u)] : NULL;
 }
 
 /* Interrupt: the entry is the loop's. */
 static inline void frame_queue_put(struct frame_queue *queue)
 {
-    frame_queue_publish(&queue->put, (uint8_t)(queue->put + 1u));
+    queue_index_publish(&queue->put, (uint8_t)(queue->put + 1u));
 }
 
 /* Step loop: the entry that has waited longest, null if none does. */
 static inline const struct frame_queue_entry *frame_queue_oldest(const struct frame_queue *queue)
 {
-    bool empty = frame_queue_index(&queue->put) == queue->taken;
+    bool empty = queue_index_read(&queue->put) == queue->taken;
     return empty ? NULL : &queue->entries[queue->taken & (queue->count - 1u)];
 }
 
 /* Step loop: the oldest entry is the interrupt's again. */
 static inline void frame_queue_drop(struct frame_queue *queue)
 {
-    frame_queue_publish(&queue->taken, (uint8_t)(queue->taken + 1u));
+    queue_index_publish(&queue->taken, (uint8_t)(queue->taken + 1u));
 }
 
 #endif

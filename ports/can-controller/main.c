@@ -7,19 +7,16 @@
 #include "onebit_config.h"
 #include "step_loop.h"
 
-#include <stddef.h>
-
-#define PERIOD 100000000u          /* nanoseconds; `period` in the system's file */
-#define CONTROL_AFTER (PERIOD / 4) /* of SYNC: by then all have come, the design's report says */
-
 static struct frame_queue_entry entries[32];
 static struct can_controller can;
 static onebit_estimate estimates[ONEBIT_CONFIG_NEIGHBOURS];
 static onebit_agent agent;
 static struct step_loop loop = {
     .agent = &agent,
-    .plant = {.measure = board_measure, .drive = board_drive},
-    .period = PERIOD,
+    .plant = {.measure = board_measure, .drive = board_drive, .hold = board_hold},
+    .period = ONEBIT_CONFIG_PERIOD_NANOSECONDS,
+    /* By then all messages must have come; onebit-design tells how long the slowest takes. */
+    .control_after = ONEBIT_CONFIG_PERIOD_NANOSECONDS / 4,
 };
 
 void can_receive_interrupt(void)
@@ -34,7 +31,12 @@ static bool start(void)
         return false;
     }
     loop.config = onebit_configs[number - 1];
-    if (onebit_start(loop.config, &agent, estimates, NULL) != ONEBIT_OK ||
+    loop.node = board_node();
+    onebit_real initial[ONEBIT_CONFIG_NEIGHBOURS];
+    for (unsigned k = 0; k < ONEBIT_CONFIG_NEIGHBOURS; ++k) {
+        initial[k] = ONEBIT_CONFIG_ESTIMATE;
+    }
+    if (onebit_start(loop.config, &agent, estimates, initial) != ONEBIT_OK ||
         !can_controller_start(&can, &board_controller, entries, sizeof entries / sizeof *entries)) {
         return false;
     }
@@ -49,10 +51,7 @@ int main(void)
     }
     board_start();
     while (!board_stopped()) {
-        step_loop_run(&loop);
-        if (loop.in_step && can_controller_now(&can) - loop.sync_time >= CONTROL_AFTER) {
-            step_loop_end_step(&loop);
-        }
+        step_loop_run(&loop, can_controller_now(&can));
         /*
          * The one lock that the loop needs. A frame that came between the look and the sleep would
          * else wait for the next interrupt; so it is pending instead, and ends the sleep.

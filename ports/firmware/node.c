@@ -69,6 +69,12 @@ static void drive(void *context, onebit_real u)
     integer_plant_step(&plant, x, u);
 }
 
+/* The time of this machine is the steps: while there are none it stands still. */
+static void hold(void *context)
+{
+    (void)context;
+}
+
 /* --- at the end --- */
 
 static void tell(const char *what, uint32_t number)
@@ -111,7 +117,7 @@ int main(void)
     static struct step_loop loop = {
         .config = CONFIG,
         .agent = &agent,
-        .plant = {.measure = measure, .drive = drive},
+        .plant = {.measure = measure, .drive = drive, .hold = hold},
     };
     const struct channel_hooks uart = {.context = NULL, .put = put, .take = take};
     uart_start();
@@ -126,7 +132,7 @@ int main(void)
     }
     /* After the stop it serves its line until the host closes it. */
     while (!loop.stopped || channel.open) {
-        step_loop_run(&loop); /* a board that has nothing else to do sleeps then */
+        step_loop_run(&loop, 0); /* a board that has nothing else to do sleeps then */
     }
     while (!channel_flush(&channel)) {
     }

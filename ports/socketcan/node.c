@@ -319,7 +319,7 @@ static void take_message(struct node *node, const onebit_frame *frame)
 static void take_frame(struct node *node, const onebit_frame *frame, uint64_t time)
 {
     uint8_t told;
-    if (canopen_is_stop(frame, node->agent)) {
+    if (canopen_is_stop(frame, 0)) { /* it has no node-ID: what is said to all */
         if (node->in_step) {
             end_step(node);
         }

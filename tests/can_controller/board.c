@@ -1,25 +1,27 @@
 /*
  * A board for ports/can-controller/main.c, on the host and on a Cortex-M. Its bus carries SYNC and
  * the other agents' frames of bus_log.h, as onebit-sim recorded them; the own frames are the
- * firmware's to send and are compared. Its plant is an integrator. Prints state and input of each
- * step and at the end what went wrong.
+ * firmware's to send and are compared. After the last step of the log SYNC stays away, comes again,
+ * and the master stops and starts the node. Its plant is the header's in integers. Prints state and
+ * input of each step, "hold" where that begins, and at the end what went wrong.
  *
  * On a Cortex-M the bus is moved by SysTick interrupts at odd moments, whatever main.c is doing; on
- * the host while it sleeps. SYNC comes when the firmware has sent its message and twice found
+ * the host while it sleeps. SYNC comes when the firmware has sent its messages and twice found
  * nothing to do, so that no result depends on the speed of a processor or emulator.
  */
 #include "board.h"
 
 #include "bus_log.h"
+#include "integer_plant.h"
 #include "onebit_config.h"
 
 #include <stdio.h>
 
 #define RECEIVE_PLACES 3u
-#define FRAME_TICKS 300u /* microseconds that a frame takes */
-#define PERIOD_TICKS 100000u
-/* The plant's input into its state's format. */
-#define INPUT_SHIFT (ONEBIT_CONFIG_CONTROL_FRACTION_BITS - ONEBIT_CONFIG_STATE_FRACTION_BITS)
+#define PERIOD_TICKS BUS_LOG_PERIOD      /* microseconds */
+#define FRAME_TICKS (PERIOD_TICKS / 400) /* that a frame takes */
+#define NODE 99u                         /* CANopen's node-ID */
+#define STATES ONEBIT_CONFIG_STATES
 
 /* Shared with the interrupt. */
 static volatile uint32_t ticks;
@@ -38,8 +40,16 @@ static uint32_t own_wrong;
 static uint32_t overruns;
 static uint32_t sleeps_before;
 
-static int32_t state = BUS_LOG_STATE;
-static int32_t measured;
+static const struct integer_plant plant = {
+    .state_count = STATES,
+    .A_fraction_bits = ONEBIT_CONFIG_PLANT_A_FRACTION_BITS,
+    .B_fraction_bits = ONEBIT_CONFIG_PLANT_B_FRACTION_BITS,
+    .state_fraction_bits = ONEBIT_CONFIG_STATE_FRACTION_BITS,
+    .control_fraction_bits = ONEBIT_CONFIG_CONTROL_FRACTION_BITS,
+    .A = onebit_config_plant_A,
+    .B = onebit_config_plant_B,
+};
+static int32_t state[STATES];
 
 /* --- the bus --- */
 
@@ -54,17 +64,36 @@ static void deliver(const onebit_frame *frame)
     can_receive_interrupt();
 }
 
+static void deliver_sync(void)
+{
+    const onebit_format format = ONEBIT_CONFIG_FORMAT;
+    onebit_frame frame;
+    onebit_frame_sync(&format, BUS_LOG_FIRST + step, &frame);
+    deliver(&frame);
+}
+
+/* CANopen's network management. */
+static void deliver_command(uint8_t command, uint8_t node)
+{
+    const onebit_frame frame = {.identifier = 0, .length = 2, .data = {command, node}};
+    deliver(&frame);
+}
+
 static onebit_frame frame_of(const struct logged *logged)
 {
-    return (onebit_frame){
-        .identifier = logged->identifier, .length = logged->length, .data = {logged->data}};
+    return (onebit_frame){.identifier = logged->identifier,
+                          .flags = logged->identifier > 0x7FFu ? ONEBIT_FRAME_EXTENDED : 0,
+                          .length = logged->length,
+                          .data = {logged->data}};
 }
 
 static void carry_own(void)
 {
-    onebit_frame expected = frame_of(&bus_log[step].own);
-    own_wrong += mailbox.identifier != expected.identifier || mailbox.flags != 0 ||
-                 mailbox.length != expected.length || mailbox.data[0] != expected.data[0];
+    if (step < BUS_LOG_STEPS) {
+        onebit_frame expected = frame_of(&bus_log[step].own[own_sent % BUS_LOG_OWN]);
+        own_wrong += mailbox.identifier != expected.identifier || mailbox.flags != expected.flags ||
+                     mailbox.length != expected.length || mailbox.data[0] != expected.data[0];
+    }
     ++own_sent;
     mailbox_full = false;
 }
@@ -75,36 +104,76 @@ static bool quiet(void)
     return sleeps - sleeps_before >= 2;
 }
 
+/* What happens after the log, when all is quiet. */
+static void move_after_log(void)
+{
+    static uint32_t event;
+    static uint32_t own_expected;
+    own_wrong += own_sent != own_expected;
+    own_sent = 0;
+    own_expected = 0;
+    switch (event++) {
+    case 0:                        /* silence */
+        ticks += 2 * PERIOD_TICKS; /* and half of one since the last control */
+        break;
+    case 4: /* of another node */
+        deliver_command(0x02, BUS_LOG_AGENT);
+        break;
+    case 5:
+        deliver_command(0x02, NODE);
+        break;
+    case 7:
+        deliver_command(0x01, NODE);
+        break;
+    case 6: /* while it is stopped */
+        deliver_sync();
+        break;
+    case 1:
+    case 8:
+        deliver_sync();
+        own_expected = BUS_LOG_OWN;
+        break;
+    case 2:
+    case 9:
+        ticks += PERIOD_TICKS / 2; /* control */
+        break;
+    case 3:
+        ticks += PERIOD_TICKS / 2;
+        break;
+    default:
+        over = true;
+        break;
+    }
+}
+
 /* The next thing that happens on the bus, if it may happen already. */
 static void move_bus(void)
 {
     onebit_frame frame;
-    ticks += FRAME_TICKS;
     if (mailbox_full) {
         carry_own();
-    } else if (next == 0) {
-        if (!quiet() || over) {
-            return;
-        }
-        onebit_frame_sync(&frame);
-        deliver(&frame);
-        ++next;
-    } else if (next <= BUS_LOG_OTHERS) {
+    } else if (next != 0 && next <= BUS_LOG_OTHERS) {
         frame = frame_of(&bus_log[step].others[next - 1]);
         deliver(&frame);
         ++next;
-    } else if (!quiet()) {
+    } else if (!quiet() || over) {
         return;
+    } else if (step == BUS_LOG_STEPS) {
+        move_after_log();
+    } else if (next == 0) {
+        deliver_sync();
+        ++next;
     } else if (next == BUS_LOG_OTHERS + 1) {
         ticks += PERIOD_TICKS / 2;
         ++next;
     } else {
         ticks += PERIOD_TICKS / 2;
-        own_wrong += own_sent != 1;
+        own_wrong += own_sent != BUS_LOG_OWN;
         own_sent = 0;
         next = 0;
-        over = ++step == BUS_LOG_STEPS;
+        ++step;
     }
+    ticks += FRAME_TICKS;
     sleeps_before = sleeps;
 }
 
@@ -248,21 +317,39 @@ const struct controller board_controller = {
 
 uint32_t board_agent(void)
 {
+    for (unsigned k = 0; k < STATES; ++k) {
+        state[k] = onebit_config_initial_states[(BUS_LOG_AGENT - 1) * STATES + k];
+    }
     return BUS_LOG_AGENT;
+}
+
+uint8_t board_node(void)
+{
+    return NODE;
 }
 
 void board_measure(void *context, onebit_real *x)
 {
     (void)context;
-    measured = state;
-    x[0] = measured;
+    for (unsigned k = 0; k < STATES; ++k) {
+        x[k] = state[k];
+    }
 }
 
 void board_drive(void *context, onebit_real u)
 {
     (void)context;
-    state += (u + (1 << (INPUT_SHIFT - 1))) >> INPUT_SHIFT; /* to the nearest */
-    printf("%ld %ld\n", (long)measured, (long)u);
+    for (unsigned k = 0; k < STATES; ++k) {
+        printf("%ld ", (long)state[k]);
+    }
+    printf("%ld\n", (long)u);
+    integer_plant_step(&plant, state, u);
+}
+
+void board_hold(void *context)
+{
+    (void)context;
+    printf("hold\n");
 }
 
 bool board_stopped(void)
