@@ -1,12 +1,23 @@
 /*
- * The clock alignment of ports/alignment.h: restarted nodes find the group, and two that hear only
- * each other end aligned however they began.
+ * The rule of ports/alignment.h for one node: where it goes, with which probability, when at the
+ * earliest, and what SYNC's counter does. Groups are in test_alignment_graphs.c.
  */
 #include "alignment.h"
+#include "clock_group.h"
 
 #include "unity.h"
 
+#include <math.h>
+
+#define OWN 5u
 #define FIRST 11u
+
+/*
+ * Shares of draws are held against the probability that the header states, within 5 standard errors
+ * and the 2^-16 to which the rule compares: with words drawn anew a comparison would fail once in
+ * 1.7 million.
+ */
+#define STANDARD_ERRORS 5.0
 
 void setUp(void)
 {
@@ -16,79 +27,215 @@ void tearDown(void)
 {
 }
 
-static void hear(struct alignment *alignment, uint32_t clock, uint32_t sender, uint32_t its_clock)
+/* An established node that has had a message off in 7 steps in a row and moves in the next. */
+static struct alignment doubting(void)
 {
-    const onebit_message message = {
-        .sender = sender, .step = (uint8_t)(its_clock % ONEBIT_STEP_MODULUS), .has_step = true};
-    alignment_hear(alignment, clock, &message);
+    struct alignment alignment = group_established();
+    for (uint32_t t = 100; t < 107; ++t) {
+        group_hear(&alignment, t, 1, t);
+        group_hear(&alignment, t, 2, t - 1u);
+        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
+    }
+    return alignment;
 }
 
-/* The first mismatch of a node that has just started, agent 5 at clock t, by one of sender 2. */
-static int32_t first_move(uint32_t t, uint32_t its_clock)
+/* The move of a node at clock t that hears only one other clock. */
+static int32_t only_move(struct alignment *alignment, uint32_t t, uint32_t its_clock,
+                         uint32_t first)
 {
-    struct alignment alignment = {0};
-    hear(&alignment, t, 2, its_clock);
-    return alignment_end_step(&alignment, 5, t + 1, FIRST);
-}
-
-static void test_moves_to_the_nearest_step(void)
-{
-    TEST_ASSERT_EQUAL_INT32(0, first_move(1000, 1000));
-    TEST_ASSERT_EQUAL_INT32(1, first_move(1000, 1001));
-    TEST_ASSERT_EQUAL_INT32(63, first_move(1000, 1063));
-    TEST_ASSERT_EQUAL_INT32(-64, first_move(1000, 1064));
-    TEST_ASSERT_EQUAL_INT32(-1, first_move(1000, 999));
-    TEST_ASSERT_EQUAL_INT32(-1, first_move(1000, 999 + 128 * 5));
-}
-
-static void test_never_goes_below_the_first_step(void)
-{
-    for (uint32_t t = FIRST; t < FIRST + 200; ++t) {
-        for (uint32_t error = 1; error < ONEBIT_STEP_MODULUS; ++error) {
-            int64_t next = (int64_t)t + 1 + first_move(t, t + error);
-            TEST_ASSERT_TRUE(next >= FIRST);
-            TEST_ASSERT_EQUAL_INT64((t + 1 + error) % ONEBIT_STEP_MODULUS,
-                                    next % ONEBIT_STEP_MODULUS);
-            /* Back where there is room, otherwise forward, and never further than it must. */
-            bool room = t + 1 - FIRST >= ONEBIT_STEP_MODULUS - error;
-            bool back = error >= 64 && room;
-            TEST_ASSERT_EQUAL_INT64((int64_t)t + 1 + error - (back ? ONEBIT_STEP_MODULUS : 0),
-                                    next);
+    for (int step = 0; step < 100; ++step) { /* 8^-100 */
+        group_hear(alignment, t, 2, its_clock);
+        int32_t move = alignment_end_step(alignment, OWN, t + 1u, first);
+        if (move != 0) {
+            return move;
         }
     }
-    /* A clock near its end: the result moves beyond 2^32 - 1, and the library returns there. */
-    TEST_ASSERT_EQUAL_INT32(5, first_move(UINT32_MAX - 1u, UINT32_MAX - 124u));
+    return 0;
 }
 
-static void test_stays_where_not_all_are_off_by_the_same(void)
+static void assert_nearest(int32_t move, uint32_t next, uint32_t error, uint32_t first)
 {
+    uint32_t above = next - first; /* modulo 2^32 */
+    bool back = error >= 64 && above >= ONEBIT_STEP_MODULUS - error;
+    TEST_ASSERT_EQUAL_INT32(back ? (int32_t)error - 128 : (int32_t)error, move);
+    TEST_ASSERT_TRUE((int64_t)above + move >= 0);
+    TEST_ASSERT_EQUAL_UINT32((next + error) % ONEBIT_STEP_MODULUS,
+                             (next + (uint32_t)move) % ONEBIT_STEP_MODULUS);
+}
+
+/* By frames and by SYNC; near the first step, far from it, and around the clock's end. */
+static void test_goes_to_the_nearest_step_not_below_the_first(void)
+{
+    static const uint32_t firsts[] = {1, FIRST, UINT32_MAX - 127u, UINT32_MAX - 126u, UINT32_MAX};
+    for (unsigned k = 0; k < sizeof firsts / sizeof *firsts; ++k) {
+        for (uint32_t above = 0; above < 300; ++above) {
+            for (uint32_t error = 0; error < ONEBIT_STEP_MODULUS; ++error) {
+                struct alignment alignment = {0};
+                uint32_t t = firsts[k] + above;
+                assert_nearest(only_move(&alignment, t, t + error, firsts[k]), t + 1u, error,
+                               firsts[k]);
+                uint8_t residue = (uint8_t)((t + error) % ONEBIT_STEP_MODULUS);
+                assert_nearest(alignment_sync(&alignment, residue, t, firsts[k]), t, error,
+                               firsts[k]);
+            }
+        }
+    }
+    /* The clock has run through 2^32 and is below its first step: the way back is open. */
     struct alignment alignment = {0};
-    for (int step = 0; step < 100; ++step) {
-        hear(&alignment, 100, 6, 103);
-        hear(&alignment, 100, 7, 104);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
-        hear(&alignment, 100, 2, 100);
-        hear(&alignment, 100, 3, 103);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    TEST_ASSERT_EQUAL_INT32(-3, only_move(&alignment, 2, UINT32_MAX, FIRST));
+    TEST_ASSERT_EQUAL_INT32(-3, alignment_sync(&alignment, 127, 2, FIRST));
+    TEST_ASSERT_EQUAL_INT32(5, only_move(&alignment, UINT32_MAX - 1u, 3, FIRST));
+}
+
+/* How often a node like `like` moves that hears so much of its own clock and of one off by error.
+ */
+static void assert_probability(const struct alignment *like, unsigned on, unsigned off,
+                               uint32_t error, double expected)
+{
+    const uint32_t draws = 100000;
+    struct alignment heard = *like;
+    for (unsigned k = 0; k < on; ++k) {
+        group_hear(&heard, 0, 1, 0);
+    }
+    for (unsigned k = 0; k < off; ++k) {
+        group_hear(&heard, 0, 2, error);
+    }
+    uint32_t moved = 0;
+    for (uint32_t draw = 0; draw < draws; ++draw) {
+        struct alignment alignment = heard;
+        uint32_t next = ONEBIT_STEP_MODULUS * (10u + draw) + 64u; /* bit 6 is set */
+        moved += alignment_end_step(&alignment, OWN, next, FIRST) != 0;
+    }
+    double margin = STANDARD_ERRORS * sqrt(expected * (1 - expected) / draws) + 0x1p-16;
+    TEST_ASSERT_DOUBLE_WITHIN(margin, expected, (double)moved / draws);
+}
+
+/* As many as 32 neighbours send, and a flood from whoever disturbs the bus: no count wraps. */
+static void test_probability(void)
+{
+    static const unsigned counts[][2] = {{0, 1},   {0, 32},  {1, 1},    {1, 2},   {2, 1},
+                                         {1, 31},  {16, 16}, {31, 1},   {32, 32}, {0, 256},
+                                         {256, 1}, {1, 256}, {256, 256}};
+    const struct alignment new = {0};
+    const struct alignment established = doubting();
+    for (unsigned k = 0; k < sizeof counts / sizeof *counts; ++k) {
+        double on = fmin(counts[k][0], 63);
+        double off = fmin(counts[k][1], 63);
+        /* An established node takes one that was on time lately for one now. */
+        double ahead = 0.875 * off / (off + 4 * fmax(on, 1));
+        double behind = 0.875 * off / (off + 1024 * fmax(on, 1));
+        for (uint32_t error = 1; error < ONEBIT_STEP_MODULUS; error += 9) {
+            assert_probability(&new, counts[k][0], counts[k][1], error, 0.875 * off / (off + on));
+            assert_probability(&established, counts[k][0], counts[k][1], error,
+                               error < 64 ? ahead : behind);
+        }
     }
 }
 
-static void test_follows_the_lowest_number_after_a_while(void)
+/* Of two clocks 64 apart one is ahead for both, and from every step to the next the same but 64. */
+static void test_of_two_clocks_64_apart_one_is_ahead(void)
 {
-    struct alignment alignment = {0};
-    for (int message = 1; message <= 16; ++message) {
-        hear(&alignment, 100, 3, 100);
-        hear(&alignment, 100, 2, 107);
-        TEST_ASSERT_EQUAL_INT32(message == 16 ? 7 : 0,
-                                alignment_end_step(&alignment, 5, 101, FIRST));
-        /* Steps in which the lowest is silent neither count nor break the row. */
-        hear(&alignment, 100, 3, 100);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    const struct alignment like = doubting();
+    uint32_t moved[2] = {0};
+    for (uint32_t step = 0; step < 4000; ++step) {
+        for (uint32_t bit = 0; bit < 2; ++bit) {
+            struct alignment alignment = like;
+            uint32_t next = 128u * (8u + step) + 64u * bit + step % 64u;
+            group_hear(&alignment, next - 1u, 1, next - 1u);
+            group_hear(&alignment, next - 1u, 2, next - 1u + 64u);
+            moved[bit] += alignment_end_step(&alignment, OWN, next, FIRST) != 0;
+        }
     }
-    for (uint32_t message = 0; message < 100; ++message) {
-        hear(&alignment, 100, 3, 100);
-        hear(&alignment, 100, 2, message % 16 == 0 ? 100 : 107);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    TEST_ASSERT_TRUE(moved[0] > 500); /* 700 +- 24 of probability 7/40 */
+    TEST_ASSERT_TRUE(moved[1] < 30);  /* 3.4 of probability 7/8200 */
+}
+
+/* Any of 32 messages off is as likely to be followed, whatever its place. */
+static void test_follows_any_that_is_off(void)
+{
+    const uint32_t steps = 320000;
+    uint32_t followed[33] = {0};
+    struct alignment alignment = {0};
+    for (uint32_t step = 0; step < steps; ++step) {
+        uint32_t t = 1000u + step;
+        for (uint32_t k = 1; k <= 32; ++k) {
+            group_hear(&alignment, t, k, t + k);
+        }
+        int32_t move = alignment_end_step(&alignment, OWN, t + 1u, FIRST);
+        TEST_ASSERT_TRUE(move >= 0 && move <= 32);
+        ++followed[move];
+    }
+    TEST_ASSERT_DOUBLE_WITHIN(STANDARD_ERRORS * sqrt(steps * 0.125 * 0.875), steps * 0.125,
+                              followed[0]);
+    double expected = steps * 0.875 / 32;
+    for (uint32_t k = 1; k <= 32; ++k) {
+        TEST_ASSERT_DOUBLE_WITHIN(STANDARD_ERRORS * sqrt(expected), expected, followed[k]);
+    }
+}
+
+/* Nothing on time for 4 steps, or something off for 8: not a step sooner, and soon after. */
+static void test_patience_of_an_established_node(void)
+{
+    uint32_t earliest[2] = {100, 100};
+    for (uint32_t on = 0; on < 2; ++on) {
+        for (uint32_t start = 1000; start < 2000; ++start) {
+            struct alignment alignment = group_established();
+            uint32_t t = start;
+            for (uint32_t step = 1; step < earliest[on]; ++step, ++t) {
+                if (on != 0) {
+                    group_hear(&alignment, t, 1, t);
+                }
+                group_hear(&alignment, t, 2, t + 5u);
+                if (alignment_end_step(&alignment, OWN, t + 1u, FIRST) != 0) {
+                    earliest[on] = step;
+                }
+                /* Steps without a message neither count nor break a row. */
+                ++t;
+                TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
+            }
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(4, earliest[0]);
+    TEST_ASSERT_EQUAL_UINT32(8, earliest[1]);
+}
+
+/* A row ends with the first step in which all is on time, or one is. */
+static void test_rows_end(void)
+{
+    struct alignment alignment = group_established();
+    for (uint32_t t = 1000; t < 9000; ++t) {
+        bool all_off = t % 4u != 0;
+        bool some_off = t % 8u != 0;
+        if (!all_off) {
+            group_hear(&alignment, t, 1, t);
+        }
+        if (some_off) {
+            group_hear(&alignment, t, 2, t + 5u);
+        }
+        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
+    }
+}
+
+/* New are the first 16 steps with a message on time, whatever is heard between them. */
+static void test_a_node_is_new_for_16_steps(void)
+{
+    for (uint32_t steps = 0; steps < 20; ++steps) {
+        uint32_t moved = 0;
+        for (uint32_t start = 1000; start < 1400; ++start) {
+            struct alignment alignment = {0};
+            uint32_t t = start;
+            for (uint32_t step = 0; step < steps; ++step, ++t) {
+                group_hear(&alignment, t, 1, t);
+                TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
+            }
+            group_hear(&alignment, t, 2, t + 5u);
+            moved += alignment_end_step(&alignment, OWN, t + 1u, FIRST) != 0;
+        }
+        if (steps < 16) {
+            TEST_ASSERT_TRUE(moved > 300); /* 350 +- 7 */
+        } else {
+            TEST_ASSERT_EQUAL_UINT32(0, moved);
+        }
     }
 }
 
@@ -96,126 +243,124 @@ static void test_silence_and_messages_without_step_say_nothing(void)
 {
     struct alignment alignment = {0};
     const onebit_message message = {.sender = 2, .step = 0, .has_step = false};
-    for (int step = 0; step < 10; ++step) {
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
-        alignment_hear(&alignment, 100, &message);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
+    for (uint32_t t = 100; t < 300; ++t) {
+        alignment_hear(&alignment, t, &message);
+        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
     }
+    TEST_ASSERT_EQUAL_UINT32(0, alignment.draws);
 }
 
-/* The table of the header: the step at which a node moves, settled or not, lowest or not. */
-static void test_patience(void)
+/*
+ * A word is that of number, clock and count of words: 32 nodes alike but for one of them, which
+ * move with probability 7/16, all decide the same once in 10^8 times.
+ */
+static void test_every_node_draws_for_itself(void)
 {
-    for (int settled = 0; settled <= 1; ++settled) {
-        for (uint32_t sender = 2; sender <= 8; sender += 6) {
-            struct alignment alignment = {0};
-            if (settled) {
-                hear(&alignment, 100, sender, 100);
-                alignment_end_step(&alignment, 5, 101, FIRST);
+    struct alignment heard = {0};
+    group_hear(&heard, 0, 1, 0);
+    group_hear(&heard, 0, 2, 5);
+    for (uint32_t round = 0; round < 1000; ++round) {
+        uint32_t moved[3] = {0};
+        for (uint32_t k = 1; k <= 32; ++k) {
+            const uint32_t word[3][3] = {{k, 1000, 0}, {OWN, 1000 + k, 0}, {OWN, 1000, k}};
+            for (unsigned which = 0; which < 3; ++which) {
+                struct alignment alignment = heard;
+                alignment.draws = word[which][2] + 100u * round;
+                moved[which] += alignment_end_step(&alignment, word[which][0],
+                                                   word[which][1] + 100u * round, FIRST) != 0;
             }
-            int patience = (settled ? 3 : 1) + (sender > 5 ? 1 : 0);
-            for (int step = 1; step <= patience; ++step) {
-                hear(&alignment, 100, sender, 107);
-                /* Silence in between changes nothing. */
-                int32_t move = alignment_end_step(&alignment, 5, 101, FIRST);
-                TEST_ASSERT_EQUAL_INT32(step == patience ? 7 : 0, move);
-                TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
-            }
+        }
+        for (unsigned which = 0; which < 3; ++which) {
+            TEST_ASSERT_TRUE(moved[which] > 0 && moved[which] < 32);
         }
     }
 }
 
-static void test_another_error_begins_a_new_row(void)
+/*
+ * Two that hear only each other, whatever their numbers: they never go on changing places, as they
+ * would for ever if a word depended on number and clock alone. They part with probability 7/32 a
+ * step if both are new, which leaves one of these 124,000 pairs after 150 steps once in 10^11
+ * times.
+ */
+static void test_a_pair_joins(void)
 {
-    struct alignment alignment = {0};
-    hear(&alignment, 100, 2, 100);
-    alignment_end_step(&alignment, 5, 101, FIRST);
-    for (uint32_t step = 0; step < 20; ++step) {
-        hear(&alignment, 100, 2, 103 + step / 2);
-        TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, 5, 101, FIRST));
-    }
-}
-
-struct pair_node {
-    struct alignment alignment;
-    uint32_t clock;
-};
-
-/* Two that hear only each other, either of them settled or not, off by anything. */
-static void test_a_pair_ends_aligned(void)
-{
-    for (uint32_t error = 1; error < 2 * ONEBIT_STEP_MODULUS; ++error) {
-        for (uint32_t settled = 0; settled < 4; ++settled) {
-            struct pair_node nodes[2] = {{.clock = FIRST + error}, {.clock = FIRST}};
-            nodes[0].alignment.settled = settled & 1u;
-            nodes[1].alignment.settled = settled >> 1;
-            int moves = 0;
-            for (int step = 0; step < 10; ++step) {
-                uint32_t clocks[2] = {nodes[0].clock, nodes[1].clock};
-                for (uint32_t k = 0; k < 2; ++k) {
-                    hear(&nodes[k].alignment, clocks[k], 2 - k, clocks[1 - k]);
-                    int32_t move =
-                        alignment_end_step(&nodes[k].alignment, k + 1, clocks[k] + 1, FIRST);
-                    nodes[k].clock = (uint32_t)((int64_t)clocks[k] + 1 + move);
-                    TEST_ASSERT_TRUE(nodes[k].clock >= FIRST);
-                    moves += move != 0;
+    for (uint32_t one = 1; one <= 32; ++one) {
+        for (uint32_t other = one + 1; other <= 32; ++other) {
+            for (uint32_t error = 1; error < 2 * ONEBIT_STEP_MODULUS; ++error) {
+                struct alignment alignment[2] = {{0}, {0}};
+                uint32_t clock[2] = {FIRST + error, FIRST};
+                uint32_t steps = 0;
+                for (; (clock[0] - clock[1]) % ONEBIT_STEP_MODULUS != 0; ++steps) {
+                    TEST_ASSERT_TRUE(steps < 150);
+                    group_hear(&alignment[0], clock[0], other, clock[1]);
+                    group_hear(&alignment[1], clock[1], one, clock[0]);
+                    for (uint32_t k = 0; k < 2; ++k) {
+                        ++clock[k];
+                        clock[k] += (uint32_t)alignment_end_step(
+                            &alignment[k], k == 0 ? one : other, clock[k], FIRST);
+                    }
                 }
             }
-            TEST_ASSERT_EQUAL_UINT32(nodes[0].clock % ONEBIT_STEP_MODULUS,
-                                     nodes[1].clock % ONEBIT_STEP_MODULUS);
-            TEST_ASSERT_EQUAL_INT(error % ONEBIT_STEP_MODULUS != 0, moves);
         }
     }
 }
 
-/* Seven in the ring with chords of the example, each begun somewhere else. */
-static void test_a_scattered_group_gathers(void)
+/* SYNC tells the time at once, whatever was heard and believed. */
+static void test_sync_tells_the_time_at_once(void)
 {
-    static const uint32_t edges[][2] = {{1, 2}, {2, 3}, {3, 4}, {4, 5}, {5, 6},
-                                        {6, 7}, {7, 1}, {1, 5}, {2, 6}, {4, 7}};
-    uint32_t random = 1;
-    for (int round = 0; round < 2000; ++round) {
-        struct pair_node nodes[8] = {{.clock = 0}};
-        for (uint32_t k = 1; k <= 7; ++k) {
-            random = random * 1664525u + 1013904223u;
-            /* Also clusters that are aligned within. */
-            nodes[k].clock = FIRST + (random >> 16) % (round % 2 == 0 ? 3u : 500u);
-            nodes[k].alignment.settled = random >> 31;
-        }
-        for (int step = 0; step < 120; ++step) {
-            uint32_t clocks[8];
-            for (uint32_t k = 1; k <= 7; ++k) {
-                clocks[k] = nodes[k].clock;
+    struct alignment alignment = doubting();
+    group_hear(&alignment, 107, 1, 107);
+    TEST_ASSERT_EQUAL_INT32(0, alignment_sync(&alignment, 108, 108, FIRST));
+    TEST_ASSERT_EQUAL_INT32(20, alignment_sync(&alignment, 0, 108, FIRST));
+    TEST_ASSERT_EQUAL_INT32(-8, alignment_sync(&alignment, 100, 108, FIRST));
+}
+
+/*
+ * While it does, what neighbours say moves nobody: not beside a SYNC in every step, not where up to
+ * 7 steps in between began without one. Without any, frames move a node from the 9th step on.
+ */
+static void test_what_frames_say_while_sync_tells_the_time(void)
+{
+    for (uint32_t gap = 1; gap <= 8; ++gap) {
+        struct alignment alignment = {0};
+        for (uint32_t step = 0; step < 500; ++step) {
+            uint32_t t = 1000u + step;
+            if (step % gap == 0) {
+                TEST_ASSERT_EQUAL_INT32(0, alignment_sync(&alignment, t % 128u, t, FIRST));
             }
-            for (uint32_t edge = 0; edge < sizeof edges / sizeof *edges; ++edge) {
-                uint32_t one = edges[edge][0];
-                uint32_t other = edges[edge][1];
-                hear(&nodes[one].alignment, clocks[one], other, clocks[other]);
-                hear(&nodes[other].alignment, clocks[other], one, clocks[one]);
-            }
-            for (uint32_t k = 1; k <= 7; ++k) {
-                int32_t move = alignment_end_step(&nodes[k].alignment, k, clocks[k] + 1, FIRST);
-                nodes[k].clock = (uint32_t)((int64_t)clocks[k] + 1 + move);
-            }
-        }
-        for (uint32_t k = 2; k <= 7; ++k) {
-            TEST_ASSERT_EQUAL_UINT32(nodes[1].clock % ONEBIT_STEP_MODULUS,
-                                     nodes[k].clock % ONEBIT_STEP_MODULUS);
+            group_hear(&alignment, t, 2, t + 5u);
+            TEST_ASSERT_EQUAL_INT32(0, alignment_end_step(&alignment, OWN, t + 1u, FIRST));
         }
     }
+    uint32_t earliest = 100;
+    for (uint32_t start = 1000; start < 1100; ++start) {
+        struct alignment alignment = {0};
+        alignment_sync(&alignment, start % 128u, start, FIRST);
+        for (uint32_t step = 1; step < earliest; ++step) {
+            uint32_t t = start + step - 1u;
+            group_hear(&alignment, t, 2, t + 5u);
+            if (alignment_end_step(&alignment, OWN, t + 1u, FIRST) != 0) {
+                earliest = step;
+            }
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(9, earliest);
 }
 
 int main(void)
 {
     UNITY_BEGIN();
-    RUN_TEST(test_moves_to_the_nearest_step);
-    RUN_TEST(test_never_goes_below_the_first_step);
-    RUN_TEST(test_stays_where_not_all_are_off_by_the_same);
+    RUN_TEST(test_goes_to_the_nearest_step_not_below_the_first);
+    RUN_TEST(test_probability);
+    RUN_TEST(test_of_two_clocks_64_apart_one_is_ahead);
+    RUN_TEST(test_follows_any_that_is_off);
+    RUN_TEST(test_patience_of_an_established_node);
+    RUN_TEST(test_rows_end);
+    RUN_TEST(test_a_node_is_new_for_16_steps);
     RUN_TEST(test_silence_and_messages_without_step_say_nothing);
-    RUN_TEST(test_patience);
-    RUN_TEST(test_another_error_begins_a_new_row);
-    RUN_TEST(test_follows_the_lowest_number_after_a_while);
-    RUN_TEST(test_a_pair_ends_aligned);
-    RUN_TEST(test_a_scattered_group_gathers);
+    RUN_TEST(test_every_node_draws_for_itself);
+    RUN_TEST(test_a_pair_joins);
+    RUN_TEST(test_sync_tells_the_time_at_once);
+    RUN_TEST(test_what_frames_say_while_sync_tells_the_time);
     return UNITY_END();
 }
