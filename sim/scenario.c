@@ -19,7 +19,7 @@
 #define PLACE_DEPTH_MAX 8          /* topology.graphs[1].edges[2][1] is the deepest: 5 */
 #define THRESHOLD_BOUND_MAX 4.0    /* (|c| + M) / sigma: beyond, the noise's CDF is flat */
 #define ESTIMATOR_GAIN_MAX 65536.0 /* beta / sigma: the library's range */
-#define CONTROL_GAIN_MAX 1e12      /* gamma sigma: every arithmetic of the library holds it */
+#define CONTROL_GAIN_MAX 4e9       /* gamma sigma: the library's range ends at 2^32 */
 #define RATIO_MIN 1e-6             /* of beta, M over sigma, gamma sigma: fixed point holds it */
 #define COMPRESSED_ROUNDING 1e-12  /* relative, of K2 x against M */
 #define CLOCK_LAST UINT32_MAX      /* a run ends at t0 + 1 + steps: the clock never returns */

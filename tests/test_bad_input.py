@@ -349,7 +349,7 @@ WRONG = [
     ("gains.beta", "beta: 200", "beta: 65536.01 # HERE", "to 65536 sigma"),
     ("gains.beta", "beta: 200", "beta: 9e-7 # HERE", "from 1e-06 sigma"),
     ("gains.gamma", "gamma: 2", "gamma: 9e-7 # HERE", "from 1e-06/sigma"),
-    ("gains.gamma", "gamma: 2", "gamma: 1.1e12 # HERE", "to 1e+12/sigma"),
+    ("gains.gamma", "gamma: 2", "gamma: 4.1e9 # HERE", "to 4e+09/sigma"),
     ("quantizer.bound", "bound: 1", "bound: 9e-7 # HERE", "at least 1e-06 sigma"),
     ("quantizer.bound", "bound: 1", "bound: 4.001 # HERE", "at most 4"),
     (

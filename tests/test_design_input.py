@@ -178,9 +178,9 @@ CASES = {
     "beta large": ("beta: auto", "beta: 65537 # HERE", "gains.beta", "65536"),
     "gamma large": (
         "  beta: auto\n  gamma: auto",
-        "  beta: 9\n  gamma: 1e13 # HERE",
+        "  beta: 9\n  gamma: 4.1e9 # HERE",
         "gains.gamma",
-        "1e+12",
+        "4e+09",
     ),
     "q31 range": (
         "steps: 30",
@@ -298,6 +298,7 @@ def test_more_neighbours_than_the_library_has(tmp_path, capsys):
 
 def test_states_beyond_fixed_point(tmp_path, capsys):
     text = spoil("  sigma: 1\n", "  sigma: 1e10\n").replace("[-1, 0]", "[-4e9, 0]")
+    text = text.replace("  beta: auto\n  gamma: auto", "  beta: 1e10\n  gamma: 0.3")
     text = text.replace("  Ac:\n", "  Ac: # HERE\n")
     assert_refused(tmp_path, capsys, text, "plant", "q31 holds at most 1.07e+09")
 

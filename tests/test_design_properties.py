@@ -9,7 +9,7 @@ from simulator import ROOT
 
 sys.path.insert(0, str(ROOT / "tools"))
 
-from onebit_design import choose, gains, header
+from onebit_design import choose, gains, header, reader
 
 ROUNDING = gains.ROUNDING
 # Of the constants in LAPACK's error bounds, for n up to 6.
@@ -112,11 +112,14 @@ def test_rounded_up_is_a_little_above(value):
     assert len(f"{rounded:.10e}".split("e")[0].rstrip("0").replace(".", "")) <= 3
 
 
-@given(st.floats(1e-6, 65536))
+@given(st.floats(2.0**-31, reader.CONTROL_GAIN_MAX))
 def test_coefficient_holds_the_value(value):
-    integer, bits = header.coefficient(value)
-    assert 0 < integer < 2**32 and -16 <= bits <= 62
-    assert abs(integer * 2.0**-bits - value) <= max(value * 2.0**-32, 2.0**-63)
+    """As lib/onebit_types.h has it: 32 bits of which the first is set."""
+    number, integer, bits = header.coefficient(value)
+    assert number == value
+    assert integer.endswith("u")
+    assert 2**31 <= int(integer[:-1]) < 2**32 and 0 <= bits <= 62
+    assert abs(int(integer[:-1]) * 2.0**-bits - value) <= value * 2.0**-32
 
 
 @given(st.floats(-16, 16), st.integers(0, 46))
@@ -126,8 +129,3 @@ def test_fixed_rounds_to_the_nearest_and_saturates(value, bits):
     scaled = value * 2.0**bits
     if -(2.0**31) < scaled < 2.0**31 - 1:
         assert abs(integer - scaled) <= 0.5
-
-
-@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_single_literals_read_back(value):
-    assert np.float32(header.single(value).removesuffix("f")) == np.float32(value)

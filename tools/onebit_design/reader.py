@@ -21,7 +21,7 @@ NEIGHBOURS_MAX = 32
 REACH_MAX = 4.0  # (|c| + M) / sigma: beyond, the noise's distribution function is flat
 RATIO_MIN = 1e-6  # of beta, M over sigma, gamma sigma: fixed point holds it
 ESTIMATOR_GAIN_MAX = 65536.0  # beta / sigma
-CONTROL_GAIN_MAX = 1e12  # gamma sigma
+CONTROL_GAIN_MAX = 4e9  # gamma sigma: the library's range ends at 2^32
 CLOCK_LAST = 2**32 - 1
 IDENTIFIER_FIRST = 0x081
 
