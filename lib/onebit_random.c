@@ -1,6 +1,8 @@
 /* Threefry-2x32-20 of onebit_random.h. Touches nothing but its arguments. */
 #include "onebit_random.h"
 
+#include "onebit_processor.h"
+
 /* Skein's key schedule parity for 32-bit words. */
 #define PARITY 0x1BD11BDAu
 
@@ -14,7 +16,7 @@
 static inline void round_of(uint32_t x[2], uint32_t rotation)
 {
     x[0] += x[1];
-    x[1] = (x[1] >> rotation | x[1] << (32u - rotation)) ^ x[0];
+    x[1] = onebit_rotated(x[1], (unsigned)rotation) ^ x[0];
 }
 
 /*

@@ -520,6 +520,19 @@ static void test_beyond(void)
     }
 }
 
+static void test_rotated(void)
+{
+    uint64_t seed = 25;
+    for (unsigned trial = 0; trial < 100000; ++trial) {
+        uint32_t word = random_word(&seed);
+        unsigned places = 1u + trial % 31u;
+        uint32_t exact = (uint32_t)((((uint64_t)word << 32) | word) >> places);
+        REQUIRE(onebit_rotated(word, places) == exact &&
+                    onebit_rotated_by_steps(word, places) == exact,
+                "%lu rotated by %u", (unsigned long)word, places);
+    }
+}
+
 /* The way of processors that shift one place at a time, too. */
 static void check_shifted(int32_t value, unsigned places)
 {
@@ -751,6 +764,7 @@ int main(void)
     RUN_TEST(test_scaled);
     RUN_TEST(test_over_32);
     RUN_TEST(test_beyond);
+    RUN_TEST(test_rotated);
     RUN_TEST(test_shifted);
     RUN_TEST(test_accumulate);
     RUN_TEST(test_accumulate_with_tiny_gains);
