@@ -77,7 +77,12 @@ def test_host(tmp_path, compiler, level):
 
 
 # Each capability of lib/onebit_processor.h as this host's compiler does not have it by itself.
-CAPABILITIES = ["ONEBIT_HAS_WIDE_PRODUCT=0", "ONEBIT_HAS_LEADING_ZEROS=0", "ONEBIT_SHIFTS_BY_ONE=1"]
+CAPABILITIES = [
+    "ONEBIT_HAS_WIDE_PRODUCT=0",
+    "ONEBIT_HAS_LEADING_ZEROS=0",
+    "ONEBIT_SHIFTS_BY_ONE=1",
+    "ONEBIT_FEW_REGISTERS=1",
+]
 
 
 @pytest.mark.parametrize("capability", CAPABILITIES)

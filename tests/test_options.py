@@ -131,11 +131,20 @@ def test_every_other_option_of_a_preset_changes_the_code(commands, preset, tmp_p
 
 # The capabilities of lib/onebit_processor.h that each preset's compiler is found to have.
 CAPABILITIES = {
-    "cortex-m0": {"HAS_WIDE_PRODUCT": 0, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 0},
-    "cortex-m3": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 1, "SHIFTS_BY_ONE": 0},
-    "cortex-m4f": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 1, "SHIFTS_BY_ONE": 0},
-    "rv32imac": {"HAS_WIDE_PRODUCT": 1, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 0},
-    "avr5": {"HAS_WIDE_PRODUCT": 0, "HAS_LEADING_ZEROS": 0, "SHIFTS_BY_ONE": 1},
+    preset: dict(
+        zip(
+            ("HAS_WIDE_PRODUCT", "HAS_LEADING_ZEROS", "SHIFTS_BY_ONE", "FEW_REGISTERS"),
+            found,
+            strict=True,
+        )
+    )
+    for preset, found in {
+        "cortex-m0": (0, 0, 0, 1),
+        "cortex-m3": (1, 1, 0, 0),
+        "cortex-m4f": (1, 1, 0, 0),
+        "rv32imac": (1, 0, 0, 0),
+        "avr5": (0, 0, 1, 0),
+    }.items()
 }
 
 
@@ -197,6 +206,41 @@ def test_unchecked_leaves_the_check_out(commands, preset, tmp_path):
     assert "onebit_q31_check" in whole
     assert unchecked is not None
     assert "onebit_q31_check" not in unchecked
+
+
+# What else than itself the library asks a linker for: shifts of 64 bits, of libgcc.
+ROUTINES = {
+    "cortex-m0": {"__aeabi_lasr"},
+    "cortex-m3": set(),
+    "cortex-m4f": set(),
+    "rv32imac": {"__ashrdi3"},
+}
+
+
+@pytest.mark.parametrize("preset", ROUTINES)
+def test_what_must_be_linked(commands, preset, tmp_path):
+    """With -ffreestanding nothing of a C library; without it, memset in onebit_start."""
+    sources = [
+        *(
+            commands(preset, "onebit_q31", f"onebit_{name}.c")
+            for name in ("agent", "check", "valid")
+        ),
+        *(
+            commands(preset, "onebit_base", f"onebit_{name}.c")
+            for name in ("frame", "random", "cdf_table", "status")
+        ),
+    ]
+    nm = sources[0][0].removesuffix("gcc") + "nm"
+    for extra, allowed in (["-ffreestanding"], set()), ([], {"memset"}):
+        for level in ("-O2", "-Os"):
+            asked, defined = set(), set()
+            for command in sources:
+                path = tmp_path / "object.o"
+                run(*replace(command, "-O2", level), *extra, "-o", path)
+                for line in run(nm, "-P", path).splitlines():
+                    name, letter = line.split()[:2]
+                    (asked if letter == "U" else defined).add(name)
+            assert asked - defined <= ROUTINES[preset] | allowed
 
 
 def test_no_multiply_add_is_fused(commands, tmp_path):
