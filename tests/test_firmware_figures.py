@@ -24,8 +24,8 @@ PROGRAMS = {
     "simavr": "simavr",
 }
 
-# Instructions, cycles on AVR, in q31 at -O2: one estimator update, mean and the worst that was found,
-# and the mean of a whole step.
+# Instructions, cycles on AVR, in q31 at -O2: one estimator update, mean and the worst that was
+# found, and the mean of a whole step.
 LIMITS = {
     "cortex-m0": (85, 100, 2500),
     "cortex-m3": (50, 65, 1250),
