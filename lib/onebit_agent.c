@@ -165,12 +165,18 @@ onebit_status onebit_send(const onebit_config *config, onebit_agent *agent, cons
     return ONEBIT_OK;
 }
 
+static void count(uint16_t *counter)
+{
+    if (*counter != UINT16_MAX) {
+        ++*counter;
+    }
+}
+
 /* A frame's code on its way out: from ONEBIT_REFUSED_FIRST on it moves its counter. */
 static onebit_status counted(onebit_agent *agent, onebit_status status)
 {
-    if (status >= ONEBIT_REFUSED_FIRST &&
-        agent->refused[status - ONEBIT_REFUSED_FIRST] != UINT16_MAX) {
-        ++agent->refused[status - ONEBIT_REFUSED_FIRST];
+    if (status >= ONEBIT_REFUSED_FIRST) {
+        count(&agent->refused[status - ONEBIT_REFUSED_FIRST]);
     }
     return status;
 }
@@ -288,7 +294,7 @@ onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, c
         return ONEBIT_STATE;
     }
     if (onebit_at_end(z) || onebit_at_end(stabilizing) || onebit_at_end(control)) {
-        agent->saturated = (uint16_t)(agent->saturated + (agent->saturated != UINT16_MAX));
+        count(&agent->saturated);
     }
     *u = control;
     begin_step(config, agent, next, wrapped, reciprocal);

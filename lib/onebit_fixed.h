@@ -100,7 +100,7 @@ static inline bool onebit_row_valid(const onebit_real *row, unsigned count)
 {
     uint32_t room = INT32_MAX;
     for (unsigned k = 0; k < count; ++k) {
-        uint32_t magnitude = row[k] < 0 ? 0u - (uint32_t)row[k] : (uint32_t)row[k];
+        uint32_t magnitude = (uint32_t)(row[k] < 0 ? -(int64_t)row[k] : row[k]);
         if (magnitude > room) {
             return false;
         }

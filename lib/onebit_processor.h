@@ -191,9 +191,9 @@ static inline uint32_t onebit_upper(uint32_t left, uint32_t right)
 static inline int64_t onebit_product_by_halves(int32_t left, int32_t right)
 {
     int32_t left_lower = onebit_half((uint32_t)left, ONEBIT_LOWER);
+    uint16_t right_lower = onebit_half((uint32_t)right, ONEBIT_LOWER);
     int32_t right_upper = (int16_t)onebit_half((uint32_t)right, ONEBIT_UPPER);
-    int32_t middle =
-        onebit_scaled_signed_by_halves(left, onebit_half((uint32_t)right, ONEBIT_LOWER));
+    int32_t middle = onebit_scaled_signed_by_halves(left, right_lower);
     int32_t second = left_lower * right_upper + onebit_half((uint32_t)middle, ONEBIT_LOWER);
     int32_t upper = (left >> 16) * right_upper + (middle >> 16) + (second >> 16);
     return (int64_t)((uint64_t)upper << 32 | (uint32_t)left * (uint32_t)right);

@@ -24,13 +24,14 @@ PROGRAMS = {
     "simavr": "simavr",
 }
 
-# Instructions, cycles on AVR, of one estimator update in q31 at -O2, the worst that was found.
-UPDATE_LIMITS = {
-    "cortex-m0": 120,
-    "cortex-m3": 70,
-    "cortex-m4f": 70,
-    "rv32imac": 75,
-    "avr5": 1200,
+# Instructions, cycles on AVR, in q31 at -O2: one estimator update, mean and the worst that was
+# found, and the mean of a whole step.
+LIMITS = {
+    "cortex-m0": (85, 100, 2500),
+    "cortex-m3": (50, 65, 1250),
+    "cortex-m4f": (50, 65, 1250),
+    "rv32imac": (60, 75, 1500),
+    "avr5": (780, 950, 15500),
 }
 
 # A routine for floating-point numbers or for a division, by the names of libgcc: __aeabi_fadd,
@@ -63,7 +64,10 @@ def test_the_committed_tables(measured):
 @pytest.mark.parametrize("preset", figures.PRESETS)
 def test_update(measured, preset):
     mean, worst = measured[preset].counts["q31", "update"]
-    assert float(mean) <= worst <= UPDATE_LIMITS[preset]
+    update_mean, update_worst, step_mean = LIMITS[preset]
+    assert float(mean) <= update_mean
+    assert float(mean) <= worst <= update_worst
+    assert float(measured[preset].counts["q31", "step"][0]) <= step_mean
 
 
 def test_f32_is_no_slower_than_erfcf_where_floating_point_is_in_hardware(measured):
@@ -81,7 +85,7 @@ def test_flash_and_stack_on_a_cortex_m0(measured):
     assert 1500 < small.flash <= 2250
     assert small.flash + 500 < whole.flash  # the check and three formats
     assert whole.support > 0  # at least memset
-    assert whole.flash + whole.support <= 3 * 1024
+    assert whole.flash <= 3 * 1024
     assert 0 < whole.table == small.table <= 512
 
 

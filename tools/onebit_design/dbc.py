@@ -73,8 +73,8 @@ def management_signals(receivers):
             receivers=receivers,
         )
         for name, start, comment in [
-            ("command", 0, "1: start, 2: stop. Others are not this project's."),
-            ("node", 8, "The agent that it is for, 1 to 127; 0: all."),
+            ("command", 0, "1: start, 2: stop, 128: pre-operational, as stop. Others do nothing."),
+            ("node", 8, "CiA 301's node-ID, 1 to 127, of the node that it is for; 0: all."),
         ]
     ]
 
