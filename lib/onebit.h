@@ -94,7 +94,8 @@ onebit_status onebit_receive(const onebit_config *config, onebit_agent *agent,
 
 /*
  * The same for a message that came another way than as a frame of the configured format.
- * ONEBIT_OK or a code for which onebit_is_message holds.
+ * ONEBIT_OK or a code for which onebit_is_message holds: of several the first of unknown, unlinked,
+ * stale or early, repeated.
  */
 onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *agent,
                                      const onebit_message *message, uint32_t linked);
@@ -102,8 +103,10 @@ onebit_status onebit_receive_message(const onebit_config *config, onebit_agent *
 /*
  * Control input u(t) = K1 x + gamma/(t+1) sum (zhat - K2 x) over the neighbours that were heard and
  * are linked, then t becomes t + 1. ONEBIT_STATE if x, or the u that follows from it, is not
- * finite; the clock then stands. q31: two dot products in 64 bits, each rounded to the nearest and
- * saturated; the sum saturates; a step with a number at an end of its range counts in `saturated`.
+ * finite; the clock then stands. q31: two dot products in 64 bits and the consensus term, each
+ * rounded to the nearest and saturated; their sum saturates, and a consensus term at an end of the
+ * range is u, whatever K1 x. A step with K1 x, K2 x or u at an end of its range counts in
+ * `saturated`.
  */
 onebit_status onebit_control(const onebit_config *config, onebit_agent *agent, const onebit_real *x,
                              uint32_t linked, onebit_real *u);

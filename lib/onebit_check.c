@@ -70,10 +70,10 @@ static onebit_status check_thresholds(const onebit_real *thresholds, unsigned co
 {
     for (unsigned k = 0; thresholds != NULL && k < count; ++k) {
         onebit_real threshold = thresholds[k];
-        onebit_real distance = threshold < 0 ? -threshold : threshold;
         if (!(threshold < RATIO_LIMIT && threshold > -RATIO_LIMIT)) {
             return ONEBIT_CONFIG_THRESHOLD;
         }
+        onebit_real distance = threshold < 0 ? -threshold : threshold;
         if (!(bound > 0 && bound <= RATIO_LIMIT - distance)) {
             return ONEBIT_CONFIG_BOUND;
         }

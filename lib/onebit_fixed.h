@@ -226,16 +226,17 @@ static inline void onebit_add_difference(onebit_sum *sum, onebit_real value, one
 }
 
 /*
- * stabilizing + gain * sum * 2^-shift, each rounded to the nearest, saturated. |sum| < 2^37 (32
- * neighbours, each within 2^29 + 2^31), times 16 bits of mantissa: below 2^53.
+ * stabilizing + gain * sum * 2^-shift, each rounded to the nearest, saturated; a consensus term
+ * that stands at an end of the range is the result. |sum| < 2^37 (32 neighbours, each within 2^29 +
+ * 2^31), times 16 bits of mantissa: below 2^53.
  */
 static inline onebit_real onebit_combine(onebit_real stabilizing, onebit_gain gain, onebit_sum sum,
                                          int shift)
 {
     int64_t product =
         onebit_product(sum.upper, gain.mantissa) * 65536 + onebit_product(sum.lower, gain.mantissa);
-    return onebit_saturate((int64_t)stabilizing +
-                           onebit_rescale(product, gain.places + 13 + shift));
+    int32_t term = onebit_rescale(product, gain.places + 13 + shift);
+    return onebit_at_end(term) ? term : onebit_saturate((int64_t)stabilizing + term);
 }
 
 #endif

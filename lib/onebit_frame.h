@@ -81,8 +81,8 @@ typedef struct onebit_format {
 typedef struct onebit_message {
     uint32_t sender;   /* from 1 */
     uint32_t receiver; /* from 1 in link mode, 0 in broadcast */
-    uint8_t step;      /* t mod 128; 0 where the encoding has no step number */
-    bool has_step;     /* set by decode; encode ignores it */
+    uint8_t step;      /* t mod 128; of a decoded frame 0 where the encoding has no step number */
+    bool has_step;     /* `step` counts; encode ignores it */
     bool bit;
 } onebit_message;
 

@@ -32,7 +32,7 @@ typedef enum onebit_status {
     ONEBIT_CONFIG_STABILIZING,
     ONEBIT_CONFIG_COMPRESSION,
     ONEBIT_CONFIG_THRESHOLD, /* threshold, or one of those by neighbour */
-    ONEBIT_CONFIG_BOUND,
+    ONEBIT_CONFIG_BOUND,     /* or its sum with the size of a threshold */
     ONEBIT_CONFIG_ESTIMATOR_GAIN,
     ONEBIT_CONFIG_CONTROL_GAIN,
     ONEBIT_CONFIG_START,

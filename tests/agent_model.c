@@ -727,7 +727,12 @@ const char *model_control_result(const onebit_config *config, model_time t,
         long double error = fabsl(term) * GAIN_ERROR + (sum != 0);
         long double low = own_value + term - error;
         long double high = own_value + term + error;
-        if ((u >= low || u == INT32_MAX) && (u <= high || u == INT32_MIN)) {
+        /* A term that stands at an end of the range is u, whatever K1 x. */
+        bool may_be_end = (u == INT32_MAX && term + error >= INT32_MAX) ||
+                          (u == INT32_MIN && term - error <= INT32_MIN);
+        bool within = term - error < INT32_MAX && term + error > INT32_MIN;
+        bool sum_fits = (u >= low || u == INT32_MAX) && (u <= high || u == INT32_MIN);
+        if (may_be_end || (within && sum_fits)) {
             bool end = at_an_end(own_value) || at_an_end(z_value) || at_an_end(u);
             if (end == counted) {
                 return NULL;

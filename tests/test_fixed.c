@@ -666,7 +666,8 @@ static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, in
     wide product = (wide)sum * gain.mantissa;
     int places = exponent_of(gain) + shift;
     places = places > 64 ? 64 : (places < -60 ? -60 : places);
-    /* The consensus term is rounded and saturated by itself, then the sum saturates. */
+    /* The consensus term is rounded and saturated by itself; at an end it is the result, else the
+     * sum saturates. */
     wide lowest;
     wide highest;
     if (places <= 0) {
@@ -677,9 +678,13 @@ static void check_combine(int32_t stabilizing, onebit_gain gain, int64_t sum, in
         highest = clamped((product + half) >> places);
         lowest = clamped(-((half - product) >> places));
     }
-    REQUIRE(result >= clamped(stabilizing + lowest) && result <= clamped(stabilizing + highest),
-            "combine(%ld, %u 2^%d, %lld, %d) = %ld", (long)stabilizing, gain.mantissa,
-            -exponent_of(gain), (long long)sum, shift, (long)result);
+    wide least =
+        lowest >= INT32_MAX || lowest <= INT32_MIN ? lowest : clamped(stabilizing + lowest);
+    wide most =
+        highest >= INT32_MAX || highest <= INT32_MIN ? highest : clamped(stabilizing + highest);
+    REQUIRE(result == least || result == most, "combine(%ld, %u 2^%d, %lld, %d) = %ld",
+            (long)stabilizing, gain.mantissa, -exponent_of(gain), (long long)sum, shift,
+            (long)result);
 }
 
 /* Sums of 32 differences, each of an estimate and any z, are exact. */
