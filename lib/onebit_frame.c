@@ -10,8 +10,13 @@ static uint32_t agent_limit(const onebit_format *format)
 {
     unsigned encoding = onebit_encoding_of(format);
     bool link = onebit_mode_of(format) == ONEBIT_MODE_LINK;
-    if (format->mode > ONEBIT_MODE_LINK || format->encoding > ONEBIT_ENCODING_IDENTIFIER ||
-        format->mode != onebit_mode_of(format) || format->encoding != encoding) {
+#ifdef ONEBIT_ONLY_MODE
+    bool possible = format->mode == ONEBIT_ONLY_MODE && format->encoding == ONEBIT_ONLY_ENCODING;
+#else
+    bool possible =
+        format->mode <= ONEBIT_MODE_LINK && format->encoding <= ONEBIT_ENCODING_IDENTIFIER;
+#endif
+    if (!possible) {
         return 0;
     }
     /* Agent 1 is at base + 1 or base + 2, which must not fall on SYNC or below, nor too high. */

@@ -5,6 +5,7 @@
 #include "pump.h"
 
 #include <math.h>
+#include <string.h>
 #include <unity.h>
 
 #define STEPS 20000
@@ -94,9 +95,26 @@ static void test_three_pumps_agree(void)
     }
 }
 
+#if ONEBIT_ARITHMETIC != ONEBIT_Q31
+/* A sensor's NaN sends nothing. */
+static void test_a_pressure_that_is_not_finite(void)
+{
+    TEST_ASSERT_TRUE(pump_start());
+    memset(&sent[0], 0xA5, sizeof sent[0]);
+    onebit_frame untouched = sent[0];
+    TEST_ASSERT_FALSE(pump_step_begins((onebit_real)NAN));
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &sent[0], sizeof untouched);
+    onebit_real change = 0;
+    TEST_ASSERT_FALSE(pump_step_ends(&change));
+}
+#endif
+
 int main(void)
 {
     UNITY_BEGIN();
+#if ONEBIT_ARITHMETIC != ONEBIT_Q31
+    RUN_TEST(test_a_pressure_that_is_not_finite);
+#endif
     RUN_TEST(test_three_pumps_agree);
     return UNITY_END();
 }
