@@ -104,8 +104,8 @@ typedef struct onebit_estimate {
 /*
  * Constants for initializers of static data, the same text in every arithmetic. Their arguments are
  * constants and are evaluated many times. A number out of range is an error of the compiler's in
- * every arithmetic ("initializer element is not constant": a division by zero; outside of static
- * initializers a warning).
+ * every arithmetic ("initializer element is not constant": a division by zero); outside of static
+ * initializers, and in C++ but for constexpr, a warning.
  *
  * ONEBIT_REAL: a state, a control or an entry of a row with so many fraction bits, which the
  * floating arithmetics ignore; rounded to the nearest, |number| < 2^(31 - bits).
