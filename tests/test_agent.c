@@ -903,6 +903,8 @@ static void test_send(void)
                 TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_encode(&config, x, k, word, &expected.bit));
                 onebit_frame wanted;
                 onebit_frame frame;
+                memset(&wanted, 0, sizeof wanted); /* padding, which nobody writes */
+                memset(&frame, 0, sizeof frame);
                 TEST_ASSERT_EQUAL(ONEBIT_OK,
                                   onebit_frame_encode(&config.format, &expected, &wanted));
                 TEST_ASSERT_EQUAL(ONEBIT_OK, onebit_send(&config, &memory.agent, x, k, &frame));
